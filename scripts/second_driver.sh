@@ -124,7 +124,7 @@ done
 same "all hits" all.bin query "$scene" --kind all --rays "$out/rays.bin" --hits
 same "points inside" inside.bin query "$scene" --kind inside --points "$out/points.bin" --hits
 for accuracy in watertight exact; do
-    for picture in "$scene" builtin:cornell; do
+    for picture in "$scene" builtin:cornell builtin:forest:30; do
         name=${picture#builtin:}
         same "frame of $name, $accuracy" "${name%%:*}-$accuracy.png" render "$picture" --accuracy "$accuracy" --size 64x64 --samples 1 -o
     done

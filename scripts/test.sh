@@ -123,3 +123,7 @@ case " ${build[*]-} " in
 esac
 say "cargo test ${viewer[*]} ${build[*]-}"
 cargo test "${viewer[@]}" ${build[@]+"${build[@]}"}
+
+# The Python package has a workspace and a script of its own.
+say "python/test.sh ${lock[*]-}"
+python/test.sh ${lock[@]+"${lock[@]}"}

@@ -316,7 +316,7 @@ fn errors_on_the_way() {
     assert_eq!(same.finish_frame().expect("a frame").pixels().expect("pixels"), cpu[1].1);
 }
 
-/// Scenes of instances: the device answers rays within geometries, and the pictures are the CPU's. What the CPU does for it is counted.
+/// Scenes of instances: the device answers rays, and the pictures are the CPU's. What the CPU does for it is counted: nothing.
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn instances_look_alike_on_both_backends() {
@@ -345,7 +345,7 @@ fn instances_look_alike_on_both_backends() {
             });
             assert!(of_cpu.0 == of_gpu.0, "{name}");
             assert_eq!(of_cpu.1.placed_by_cpu, 0);
-            assert_eq!(of_gpu.1.placed_by_cpu, of_gpu.1.rays());
+            assert_eq!(of_gpu.1.placed_by_cpu, 0);
             (of_cpu.0, of_gpu.1.rays())
         };
         let mut pictures = Vec::new();

@@ -20,6 +20,7 @@ use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
 use crate::simd::InstructionSet;
 
 mod parts;
+mod seen;
 mod single;
 mod stream;
 mod top_walk;

@@ -3,13 +3,15 @@
 use std::num::NonZeroU32;
 use std::sync::Arc;
 
+use splitplane_core::backend::scene::SceneAccelerator;
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions};
 use splitplane_core::cancel::go_on;
 use splitplane_core::config::BuildConfig;
 use splitplane_core::error::BuildError;
-use splitplane_core::kernel::{Buffer, Kernel, TreeBuilder};
+use splitplane_core::kernel::{Buffer, Kernel, QueryKernel, RayQueries, TreeBuilder};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::report::{BackendInfo, BuildSummary};
+use splitplane_core::scene::{Scene, SceneBuildError};
 use splitplane_core::tree::KdTree;
 use splitplane_core::tree::validate::validate_mesh_while;
 use splitplane_core::triangle::{Prepared, Triangle, prepare};
@@ -26,7 +28,7 @@ use crate::device::host;
 use crate::device::{Instrument, Pipelines};
 use crate::error::GpuError;
 use crate::parity::Parity;
-use crate::query::{DeviceTree, Queries, WgpuAccelerator};
+use crate::query::{DeviceTree, Queries, WgpuAccelerator, WgpuScene};
 use crate::selftest;
 
 /// The GPU backend: builds trees on one device and answers rays there. Buffers are kept between
@@ -70,6 +72,14 @@ impl WgpuBackend {
     pub fn with_replaced_kernel(gpu: Gpu, kernel: Kernel, source: String) -> WgpuBackend {
         let backend = WgpuBackend::without_selftest(gpu);
         backend.shared.pipelines.replace::<TreeBuilder>(kernel, Some(source));
+        backend
+    }
+
+    /// The same for a kernel of queries.
+    #[doc(hidden)]
+    pub fn with_replaced_query(gpu: Gpu, kernel: QueryKernel, source: String) -> WgpuBackend {
+        let backend = WgpuBackend::without_selftest(gpu);
+        backend.shared.pipelines.replace::<RayQueries>(kernel, Some(source));
         backend
     }
 
@@ -360,6 +370,17 @@ impl Backend for WgpuBackend {
                 Ok(())
             }
         }
+    }
+
+    /// A scene that answers rays on the device: see [`WgpuScene`].
+    fn build_scene(
+        &self,
+        scene: &Scene,
+        options: &BuildOptions<'_>,
+    ) -> Result<Box<dyn SceneAccelerator>, SceneBuildError> {
+        let queries = Arc::clone(&self.shared.queries);
+        let mut build = |mesh: &Mesh<'_>, options: &BuildOptions<'_>| self.build(mesh, options);
+        Ok(Box::new(WgpuScene::build(queries, scene, options, &mut build)?))
     }
 
     fn load(

@@ -119,6 +119,7 @@ impl From<SceneBuildError> for Failure {
             SceneBuildError::Cancelled { .. } => CANCELLED,
             SceneBuildError::OutOfMemory { .. } => LIMIT,
             SceneBuildError::Geometry { error, .. } => Failure::from(error.clone()).code,
+            SceneBuildError::Device(error) => Failure::from(BuildError::Device(error.clone())).code,
             _ => FILE,
         };
         Failure { message: error.to_string(), code }

@@ -52,10 +52,7 @@ impl ObjectStage {
             }
             output::note(&format!("backend: {} ({reason})", info.name));
             if info.name != "cpu" {
-                output::note(
-                    "note: the GPU traces rays in each geometry; the CPU finds the instances that they \
-                     enter, and shades",
-                );
+                output::note("note: the GPU traces rays; the CPU shades");
             }
         }
         let placed = look.place_objects(&mut scene)?;
@@ -73,6 +70,9 @@ impl ObjectStage {
         let watched = BuildOptions { watch: Some(&watch), ..options };
         let tracer = InstanceTracer::load(engine, &described, &shown, &watched)?;
         let build_ms = milliseconds(start);
+        if let Some(reason) = tracer.scene().placed_by_cpu().filter(|_| !common.quiet) {
+            output::note(&format!("note: the CPU finds the instances that rays enter: {reason}"));
+        }
         drop(watch);
         let preset = options.config.preset().name();
         Ok(ObjectStage {

@@ -7,7 +7,9 @@ use crate::aabb::Aabb;
 use crate::config::MAX_BINS;
 use bytemuck::{Pod, Zeroable};
 
-pub use queries::{BatchUniform, CheckParameters, SceneUniform, TriangleCount};
+pub use queries::{
+    BatchUniform, CheckParameters, SceneBatch, SceneUniform, TriangleCount, culling_bits,
+};
 
 /// A reference to a triangle from one node: the bounds of the triangle's part in the node. 32
 /// bytes, half a cache line: it is moved whole.

@@ -42,7 +42,7 @@ pub struct FrameStats {
     /// Rays of an exact frame that its device left undecided, and the CPU traced; 0 on the CPU.
     pub redone: u64,
     /// Rays of a scene whose geometries are on a device, for which the CPU found the instances that they enter; those of slices that
-    /// had to be repeated count again. 0 where all is on the CPU.
+    /// had to be repeated count again. 0 where all is on the CPU, and where the device finds the instances.
     pub placed_by_cpu: u64,
     /// Time spent in queries; `None` where it is not measured.
     pub tracing: Option<Duration>,

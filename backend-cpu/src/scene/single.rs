@@ -61,7 +61,7 @@ impl<T: SceneAnswer> Compiled for Following<'_, T> {
             let best = answer.best();
             let stop = TopRay::stop_after(ray.t_max.min(best.t));
             // SAFETY: the caller's contract; the tree's nodes, and a stack for every tree.
-            let found = unsafe { next::<S::Eight>(nodes, &top_ray, stop, stack, &mut top) };
+            let found = unsafe { next::<S::Eight, T>(nodes, &top_ray, stop, stack, &mut top) };
             let Some(name) = found else { return Followed::Answer(answer) };
             let instance = InstanceId(name);
             let Some(placement) = scene.placement(instance) else { continue };

@@ -7,22 +7,25 @@
 use std::collections::TryReserveError;
 
 use splitplane_core::backend::QueryLayout;
-use splitplane_core::backend::scene::{Asked, BuiltScene, SceneAnswer, seen_by};
+use splitplane_core::backend::scene::{Asked, BuiltScene, SceneAnswer};
 use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
-use splitplane_core::scene::{GeometryId, InstanceId, SceneHit, SceneOptions, TopRay, TopStack};
+use splitplane_core::scene::{
+    GeometryId, InstanceId, Placement, SceneHit, SceneOptions, TopRay, TopStack,
+};
 
 use super::parts::Geometries;
+use super::seen::seen_by;
 use super::top_walk::{VectorRay, next};
 use crate::layout::tree_layout::TreeLayout;
 use crate::layout::wide_node::{CacheLine, DONE};
 use crate::memory::lengthen;
-use crate::simd::{Compiled, Simd};
+use crate::simd::{Compiled, Simd, prefetch};
 use crate::trace::block_test::BestHit;
 use crate::trace::leaves::{IndexedLeaves, Leaves, PackedLeaves};
 use crate::trace::prepare_one::Readiness;
 use crate::trace::queues::{FLIGHT, Queues, Turn};
-use crate::trace::ray_state::RayState;
+use crate::trace::ray_state::{RayState, ScalarOutcome};
 use crate::trace::single::Single;
 use crate::trace::step::{RayTest, TestContext, TestLeaf, TraversalStack, ask_for, step};
 
@@ -149,6 +152,7 @@ impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for Flying<'a, T, L> {
             };
         }
         let nodes = scene.top_tree().nodes();
+        let placements = scene.all_placements();
         let (mut following, mut entered) = (0usize, 0u64);
         let mut leaf_room = L::room();
         let mut queues = Queues::IDLE;
@@ -181,53 +185,75 @@ impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for Flying<'a, T, L> {
                     let top_stack = top_stack.as_mut_ptr();
                     // SAFETY: the caller's contract; the tree's nodes, and a stack for it.
                     let found = unsafe {
-                        next::<S::Eight>(nodes, &lane.top_ray, stop, top_stack, &mut lane.tops)
+                        next::<S::Eight, T>(nodes, &lane.top_ray, stop, top_stack, &mut lane.tops)
                     };
                     let Some(name) = found else {
                         is_done = true;
                         continue;
                     };
                     is_done = false;
-                    let instance = InstanceId(name);
-                    let Some(placement) = scene.placement(instance) else { continue };
-                    let Some(asked) = Asked::of(instance, placement, options) else { continue };
-                    let geometry = placement.instance.geometry;
-                    let Some(accelerator) = geometries.get(geometry) else { continue };
+                    lane.instance = InstanceId(name);
+                    let placement = placements.as_ptr().wrapping_add(name as usize).cast::<u8>();
+                    for line in 0..size_of::<Placement>().div_ceil(64) {
+                        prefetch(placement.wrapping_add(64 * line));
+                    }
+                    queues.wait(number, Turn::Enter);
+                    break;
+                }
+            }
+            for number in queues.take(Turn::Enter) {
+                // SAFETY: lanes are below FLIGHT.
+                let lane = unsafe { lanes.get_unchecked_mut(number) };
+                // What it does not enter it does not hit.
+                lane.best = BestHit::NONE;
+                let turn = 'enter: {
+                    let placement = placements.get(lane.instance.0 as usize);
+                    let Some(Some(placement)) = placement else { break 'enter Turn::Refill };
+                    let asked = Asked::of(lane.instance, placement, options);
+                    let Some(asked) = asked else { break 'enter Turn::Refill };
+                    lane.geometry = placement.instance.geometry;
+                    let accelerator = geometries.get(lane.geometry);
+                    let Some(accelerator) = accelerator else { break 'enter Turn::Refill };
                     let (layout, scale) = accelerator.parts();
-                    let Some(leaves) = L::of(layout) else { continue };
+                    let Some(leaves) = L::of(layout) else { break 'enter Turn::Refill };
                     if layout.wide.lines().is_empty() {
-                        continue;
+                        break 'enter Turn::Refill;
                     }
                     entered += 1;
-                    let seen = seen_by(placement, ray, &best);
+                    let ray = &rays[lane.index as usize];
+                    let seen = seen_by(&placement.space, ray, &lane.answer.best());
                     let query = options.of_geometry(asked.culling, asked.ignore, None);
-                    (lane.instance, lane.geometry) = (instance, geometry);
-                    match lane.ray_state.prepare(&seen, scale, T::QUERY) {
-                        Readiness::Misses => {}
+                    match lane.ray_state.prepare_loaded(&seen, scale, T::QUERY) {
+                        Readiness::Misses => break 'enter Turn::Refill,
+                        Readiness::Ready => {}
                         Readiness::Special => {
-                            let single = Single {
-                                layout,
-                                scene: scale,
-                                ray: &seen,
-                                options: &query,
-                                query: T::QUERY,
-                            };
-                            // SAFETY: the caller's contract.
-                            is_done = lane.take(unsafe { S::call(single) });
-                        }
-                        Readiness::Ready => {
-                            lane.best = BestHit::NONE;
-                            lane.lines = layout.wide.lines().as_ptr();
-                            lane.within = Some(Within { leaves, options: query });
-                            (lane.child, lane.top) = (0, 0);
-                            let mut stack = stack!(number);
-                            // SAFETY: stacks have the space.
-                            unsafe { stack.begin() };
-                            queues.put(number, 0);
-                            break;
+                            let ray = &seen.ray();
+                            match RayState::prepare_by_core(ray, scale, query.accuracy, T::QUERY) {
+                                Some(ScalarOutcome::Traced(moved)) => lane.ray_state = moved,
+                                Some(ScalarOutcome::Answer(hit)) => {
+                                    lane.best.hit = hit;
+                                    break 'enter Turn::Refill;
+                                }
+                                None => {
+                                    let (options, query) = (&query, T::QUERY);
+                                    let single =
+                                        Single { layout, scene: scale, ray, options, query };
+                                    // SAFETY: the caller's contract.
+                                    lane.best.hit = unsafe { S::call(single) };
+                                    break 'enter Turn::Refill;
+                                }
+                            }
                         }
                     }
-                }
+                    lane.lines = layout.wide.lines().as_ptr();
+                    lane.within = Some(Within { leaves, options: query });
+                    (lane.child, lane.top) = (0, 0);
+                    let mut stack = stack!(number);
+                    // SAFETY: stacks have the space.
+                    unsafe { stack.begin() };
+                    Turn::Node
+                };
+                queues.wait(number, turn);
             }
             if queues.is_empty() {
                 return Ok(entered);

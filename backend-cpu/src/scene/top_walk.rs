@@ -3,8 +3,10 @@
 //! Each box is tested by the operations that [`TopRay`] states, each rounded by itself, so a ray enters what it enters in
 //! the core's walk. Which of a box's two planes on an axis comes first is known from the direction; the core compares them.
 
+use splitplane_core::backend::scene::SceneAnswer;
+use splitplane_core::query::traverse::Query;
 use splitplane_core::scene::{
-    TOP_INSTANCE, TOP_NONE, TOP_WIDTH, TopNode, TopRay, TopStack, TopWalk, TopWalker,
+    SceneHit, TOP_INSTANCE, TOP_NONE, TOP_WIDTH, TopNode, TopRay, TopStack, TopWalk, TopWalker,
 };
 
 use crate::simd::{Compiled, InstructionSet, Simd};
@@ -51,7 +53,13 @@ impl<T: Fn(u32) -> f32, A: FnMut(u32, u32) -> bool> Compiled for Advance<'_, T, 
             // SAFETY: the caller's contract; the tree's nodes, and a stack for it.
             let found = unsafe {
                 loop {
-                    match next::<S::Eight>(nodes, &ray, stop, stack.as_mut_ptr(), &mut top) {
+                    match next::<S::Eight, SceneHit>(
+                        nodes,
+                        &ray,
+                        stop,
+                        stack.as_mut_ptr(),
+                        &mut top,
+                    ) {
                         Some(name) if !accept(index, name) => {}
                         found => break found,
                     }
@@ -100,13 +108,13 @@ impl VectorRay {
     }
 }
 
-/// The next instance that the ray enters up to `stop`; see [`TopTree::next`](splitplane_core::scene::TopTree::next).
+/// The next instance that the ray enters up to `stop`, for closest hits in the order of boxes; see [`TopTree::next`](splitplane_core::scene::TopTree::next).
 ///
 /// # Safety
 /// The processor must have the set, which must have eight lanes. The nodes must be all those of a tree, and the stack must have the
 /// entries that it needs, of which `top` have been written by this function or by [`TopTree::begin`](splitplane_core::scene::TopTree::begin) for the same tree and ray.
 #[cfg_attr(not(unoptimised), inline(always))]
-pub(super) unsafe fn next<S: Simd>(
+pub(super) unsafe fn next<S: Simd, T: SceneAnswer>(
     nodes: &[TopNode],
     ray: &VectorRay,
     stop: f32,
@@ -123,8 +131,9 @@ pub(super) unsafe fn next<S: Simd>(
         // A node's nearest child is entered at once.
         while child & TOP_INSTANCE == 0 {
             // SAFETY: the caller's contract.
-            child =
-                unsafe { spread::<S>(nodes.get_unchecked(child as usize), ray, stop, stack, top) };
+            child = unsafe {
+                spread::<S, T>(nodes.get_unchecked(child as usize), ray, stop, stack, top)
+            };
         }
         if child != TOP_NONE {
             return Some(child & !TOP_INSTANCE);
@@ -133,19 +142,21 @@ pub(super) unsafe fn next<S: Simd>(
     None
 }
 
-/// Puts the children of a node that the ray enters on the stack, the nearest last, except the nearest, which is returned; or
-/// `TOP_NONE`.
+/// Puts the children of a node that the ray enters on the stack, for closest hits the nearest last, except the one that is next, which is
+/// returned; or `TOP_NONE`.
 ///
 /// # Safety
 /// As for [`next`].
 #[cfg_attr(not(unoptimised), inline(always))]
-unsafe fn spread<S: Simd>(
+unsafe fn spread<S: Simd, T: SceneAnswer>(
     node: &TopNode,
     ray: &VectorRay,
     stop: f32,
     stack: *mut TopStack,
     top: &mut usize,
 ) -> u32 {
+    // Sorting takes longer than what it saves for rays that any hit ends.
+    let is_ordered = T::QUERY == Query::Closest;
     let mut entered = [-f32::MAX; TOP_WIDTH];
     let mut met = if ray.tame {
         // SAFETY: the caller's contract; rows have eight numbers.
@@ -187,11 +198,11 @@ unsafe fn spread<S: Simd>(
             met &= met - 1;
             let mut t = *entered.get_unchecked(other);
             // Of equals, the first child is the next.
-            let is_nearer = t < nearest;
+            let is_nearer = is_ordered && t < nearest;
             (slot, other) = if is_nearer { (other, slot) } else { (slot, other) };
             (nearest, t) = if is_nearer { (t, nearest) } else { (nearest, t) };
             let mut at = end;
-            while at > bottom && (*stack.add(at - 1)).0 <= t {
+            while is_ordered && at > bottom && (*stack.add(at - 1)).0 <= t {
                 *stack.add(at) = *stack.add(at - 1);
                 at -= 1;
             }

@@ -55,6 +55,8 @@ impl F32x4 {
         max, _mm_max_ps, |a, b| if a > b { a } else { b };
         /// A mask: where this is at most the other.
         le, _mm_cmple_ps, |a, b| yes(a <= b);
+        /// A mask: where this is not less than the other.
+        not_less, _mm_cmpnlt_ps, |a, b| yes(!(a < b));
         /// Bits that both have: of two masks, or of a mask and numbers, which are 0 outside of it.
         and, _mm_and_ps, |a, b| f32::from_bits(a.to_bits() & b.to_bits());
         /// Bits that either has.
@@ -135,6 +137,48 @@ impl F32x4 {
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) fn at_least(self, bound: f32) -> F32x4 {
         self.and(F32x4::splat(bound).le(self.abs()))
+    }
+
+    /// +0 for what is below the normal range, and all else as it is: [`snap`](splitplane_core::arithmetic::snap).
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) fn snapped(self) -> F32x4 {
+        self.and(self.abs().not_less(F32x4::splat(f32::MIN_POSITIVE)))
+    }
+
+    /// One of them in all places.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) fn only<const LANE: usize>(self) -> F32x4 {
+        #[cfg(target_arch = "x86_64")]
+        return F32x4(unsafe {
+            match LANE {
+                0 => _mm_shuffle_ps::<0b00_00_00_00>(self.0, self.0),
+                1 => _mm_shuffle_ps::<0b01_01_01_01>(self.0, self.0),
+                2 => _mm_shuffle_ps::<0b10_10_10_10>(self.0, self.0),
+                _ => _mm_shuffle_ps::<0b11_11_11_11>(self.0, self.0),
+            }
+        });
+        #[cfg(not(target_arch = "x86_64"))]
+        return F32x4([self.0[LANE]; 4]);
+    }
+
+    /// The columns of three rows: four vectors of three numbers, and 0.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) fn columns(rows: &[[f32; 4]; 3]) -> [F32x4; 4] {
+        #[cfg(target_arch = "x86_64")]
+        unsafe {
+            let [a, b, c] = [F32x4::of(rows[0]).0, F32x4::of(rows[1]).0, F32x4::of(rows[2]).0];
+            let zero = _mm_setzero_ps();
+            let (ab, ab_end) = (_mm_unpacklo_ps(a, b), _mm_unpackhi_ps(a, b));
+            let (c_, c_end) = (_mm_unpacklo_ps(c, zero), _mm_unpackhi_ps(c, zero));
+            [
+                F32x4(_mm_movelh_ps(ab, c_)),
+                F32x4(_mm_movehl_ps(c_, ab)),
+                F32x4(_mm_movelh_ps(ab_end, c_end)),
+                F32x4(_mm_movehl_ps(c_end, ab_end)),
+            ]
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        [0, 1, 2, 3].map(|i| F32x4([rows[0][i], rows[1][i], rows[2][i], 0.0]))
     }
 
     /// The first three, turned: the second, third and first.

@@ -29,13 +29,48 @@ const ALL_AXES: u32 = 0b111;
 const LEAST_POWER: u32 = 127 - 40;
 const MOST_POWER: u32 = 127 + 60;
 
+/// A ray with its axes side by side. The fourth places count for nothing.
+#[derive(Clone, Copy)]
+pub(crate) struct LoadedRay {
+    pub(crate) origin: F32x4,
+    pub(crate) direction: F32x4,
+    pub(crate) t_min: f32,
+    pub(crate) t_max: f32,
+}
+
+impl LoadedRay {
+    /// Loads a ray.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) fn new(ray: &Ray) -> LoadedRay {
+        // Origin and lower limit, direction and upper limit.
+        let [origin, direction]: [[f32; 4]; 2] = bytemuck::cast(*ray);
+        let (origin, direction) = (F32x4::of(origin), F32x4::of(direction));
+        LoadedRay { origin, direction, t_min: ray.t_min, t_max: ray.t_max }
+    }
+
+    /// The ray as others take it.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) fn ray(&self) -> Ray {
+        Ray::new(self.origin.three(), self.direction.three()).with_limits(self.t_min, self.t_max)
+    }
+}
+
 impl RayState {
     /// Becomes the state of a ray where it returns [`Readiness::Ready`]. The bounds must not be empty.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) fn prepare(&mut self, ray: &Ray, scene: &SceneScale, query: Query) -> Readiness {
-        // Origin and lower limit, direction and upper limit.
-        let [given_origin, given]: [[f32; 4]; 2] = bytemuck::cast(*ray);
-        let (given_origin, given) = (F32x4::of(given_origin), F32x4::of(given));
+        self.prepare_loaded(&LoadedRay::new(ray), scene, query)
+    }
+
+    /// The same, of a ray whose axes are side by side already.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) fn prepare_loaded(
+        &mut self,
+        ray: &LoadedRay,
+        scene: &SceneScale,
+        query: Query,
+    ) -> Readiness {
+        let (given_origin, given) = (ray.origin, ray.direction);
         let most = F32x4::splat(f32::MAX);
         let magnitude = given.abs();
         let finite = given_origin.abs().le(most).and(magnitude.le(most));

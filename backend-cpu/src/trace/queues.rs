@@ -16,6 +16,8 @@ pub(crate) enum Turn {
     Block,
     /// Another ray, or for this one another instance.
     Refill,
+    /// To go into the instance that it has found.
+    Enter,
 }
 
 impl Queues {
@@ -33,6 +35,12 @@ impl Queues {
     pub(crate) fn put(&mut self, lane: usize, child: u32) {
         let queue = leaf_bit(child) + usize::from(child == DONE);
         self.0 |= 1 << (16 * queue + lane);
+    }
+
+    /// Puts a lane into a queue.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) fn wait(&mut self, lane: usize, turn: Turn) {
+        self.0 |= 1 << (16 * turn as u32 + lane as u32);
     }
 
     /// Empties a queue.

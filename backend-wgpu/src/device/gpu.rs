@@ -1,6 +1,6 @@
 //! A device, its queue and its limits: opened headless, or borrowed from a host.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 
@@ -34,6 +34,8 @@ pub struct Gpu {
     last: Arc<Mutex<Option<wgpu::SubmissionIndex>>>,
     /// What crosses between host and device; shared by clones.
     traffic: Arc<Counted>,
+    /// Longer buffers find no memory, where a test says so; shared by clones.
+    planted_memory: Arc<AtomicU64>,
 }
 
 impl Gpu {
@@ -61,7 +63,20 @@ impl Gpu {
         let compiler = Arc::new(Compiler::new(driver::bounds(&OpenOptions::default(), &info)));
         let (health, last, traffic) = Default::default();
         let software = info.device_type == wgpu::DeviceType::Cpu;
-        Gpu { device, queue, info, limits, software, health, timeout, compiler, last, traffic }
+        let planted_memory = Arc::new(AtomicU64::new(u64::MAX));
+        Gpu {
+            device,
+            queue,
+            info,
+            limits,
+            software,
+            health,
+            timeout,
+            compiler,
+            last,
+            traffic,
+            planted_memory,
+        }
     }
 
     /// The same device with another time-out.
@@ -82,6 +97,12 @@ impl Gpu {
     pub fn with_planted_driver(self, planted: impl Fn(&str) + Send + Sync + 'static) -> Gpu {
         let compiler = Compiler::new(*self.compiler.bounds()).planted(planted);
         Gpu { compiler: Arc::new(compiler), ..self }
+    }
+
+    /// From now on, buffers of more bytes are refused as by a driver that has no memory for them: for tests.
+    #[doc(hidden)]
+    pub fn plant_memory(&self, most: u64) {
+        self.planted_memory.store(most, Ordering::Relaxed);
     }
 
     /// Pipelines made so far, by this device and its clones.
@@ -209,6 +230,9 @@ impl Gpu {
         })?;
         let description =
             wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };
+        if size > self.planted_memory.load(Ordering::Relaxed) {
+            return Err(GpuError::OutOfMemory { what: label.to_owned(), needed: size });
+        }
         let made = self.guard(|| self.device.create_buffer(&description));
         self.health.check_lost(&self.device)?;
         self.traffic.buffer();

@@ -193,7 +193,11 @@ impl Queries {
 }
 
 /// Calls a watch, if there is one; returns whether to continue.
-fn go_on(watch: Option<&dyn Watch>, done: usize, total: usize) -> Result<(), DeviceQueryError> {
+pub(super) fn go_on(
+    watch: Option<&dyn Watch>,
+    done: usize,
+    total: usize,
+) -> Result<(), DeviceQueryError> {
     let (done, total) = (done as u64, total as u64);
     let progress = Progress { stage: Stage::Rays, done, total };
     match watch.is_some_and(|watch| watch.progress(&progress).is_break()) {

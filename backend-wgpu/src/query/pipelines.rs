@@ -159,6 +159,9 @@ mod tests {
                 assert!(!RayQueries::text(kernel, &QueryVariant::default()).parts.is_empty());
             }
         }
-        assert_eq!(splitplane_shaders::QUERIES.len(), 17);
+        for kernel in QueryKernel::WAVE {
+            assert!(!RayQueries::text(kernel, &QueryVariant::default()).parts.is_empty());
+        }
+        assert_eq!(splitplane_shaders::QUERIES.len(), 20);
     }
 }

@@ -146,7 +146,7 @@ impl Queries {
         let find = |bound: &Bound<RayQueries>| match bound.slot {
             Slot::Uniform(QueryUniform::Scene) => Some(whole(tree.scene())),
             Slot::Uniform(QueryUniform::Batch) => Some(whole(buffers.batch)),
-            Slot::Uniform(QueryUniform::TriangleCount) => None,
+            Slot::Uniform(_) => None,
             Slot::Storage(binding) => match binding.buffer {
                 QueryBuffer::Nodes => Some(whole(tree.nodes())),
                 QueryBuffer::LeafReferences => Some(whole(tree.leaf_references())),
@@ -162,7 +162,7 @@ impl Queries {
                 }),
                 QueryBuffer::CompressedNodes => compressed.map(|part| whole(&part.nodes)),
                 QueryBuffer::CompressedReferences => compressed.map(|part| whole(&part.references)),
-                QueryBuffer::Limits => None,
+                _ => None,
             },
         };
         // No ray is deferred yet.

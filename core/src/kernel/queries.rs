@@ -18,6 +18,8 @@ kernel_set! {
         Scene "scene";
         /// How many rays, and the options: [`layout::BatchUniform`](crate::layout::BatchUniform).
         Batch "batch";
+        /// How many rays of a scene of many objects, and the options: [`layout::SceneBatch`](crate::layout::SceneBatch).
+        SceneBatch "scene_batch";
         /// How many triangles: [`layout::TriangleCount`](crate::layout::TriangleCount).
         TriangleCount "triangle_count";
     }
@@ -45,6 +47,18 @@ kernel_set! {
         CompressedNodes "compressed_nodes", 80;
         /// The references of its leaves.
         CompressedReferences "compressed_references", 4;
+        /// The tree over the instances of a scene: [`PackedTopNode`](crate::backend::scene::packed::PackedTopNode).
+        BoxNodes "box_nodes", 256;
+        /// Its instances: [`PackedInstance`](crate::backend::scene::packed::PackedInstance).
+        Instances "instances", 128;
+        /// The closest hit with a scene: [`SceneHit`](crate::scene::SceneHit).
+        SceneHits "scene_hits", 24, live Rays;
+        /// The way of each ray through the tree over instances: [`SceneBatch::way`](crate::layout::SceneBatch::way) words a
+        /// ray, of all rays one after the other. The instance that it has entered, or `u32::MAX`; one more than the number
+        /// of its stack's entries, 0 for a ray that has not begun, `u32::MAX` for one that is done; the entries.
+        Ways "ways", 4;
+        /// Instances entered by all rays, and rays that are done.
+        WaveCounts "wave_counts", 4;
         /// The range of coordinates and sizes of all triangles: four `f32`, see
         /// [`query::intersect::Limits`](crate::query::intersect::Limits).
         Limits "limits", 16;
@@ -85,6 +99,19 @@ kernel_set! {
         AnyHitCompressed "any_hit_compressed", Invocations(Rays, 64) =>
             reads CompressedNodes, reads CompressedReferences, reads Triangles, uniform Scene,
             reads Rays, writes Occluded, uniform Batch, updates Deferred;
+        /// The next instance of a scene that every ray enters.
+        EnterInstances "enter_instances", Invocations(Rays, 64) =>
+            reads BoxNodes, reads Instances, reads Rays, updates SceneHits,
+            uniform SceneBatch, scatters Deferred, updates Ways, updates WaveCounts;
+        /// The closest hit, or any, of every ray with the instance that it has entered, in the plain case. Nodes,
+        /// references and triangles are those of all geometries.
+        TraceInstances "trace_instances", Invocations(Rays, 64) =>
+            reads Nodes, reads LeafReferences, reads Triangles, reads Instances,
+            reads Rays, updates SceneHits, uniform SceneBatch, updates Deferred, reads Ways;
+        /// The same of every ray that the kernel before deferred.
+        TraceInstancesRetry "trace_instances_retry", Invocations(Rays, 64) =>
+            reads Nodes, reads LeafReferences, reads Triangles, reads Instances,
+            reads Rays, updates SceneHits, uniform SceneBatch, reads Deferred, reads Ways;
         /// The range of coordinates and sizes of the triangles.
         TriangleLimits "triangle_limits", Invocations(Triangles, 256) =>
             reads Triangles, uniform TriangleCount, updates Limits;
@@ -112,6 +139,14 @@ impl QueryKernel {
             Query::Any => [QueryKernel::AnyHitCompressed, QueryKernel::AnyHitRetry],
         }
     }
+
+    /// The kernels of a wave, one after the other: every ray that is not done enters its next instance, and is traced
+    /// there.
+    pub const WAVE: [QueryKernel; 3] = [
+        QueryKernel::EnterInstances,
+        QueryKernel::TraceInstances,
+        QueryKernel::TraceInstancesRetry,
+    ];
 
     /// Bytes of the list of deferred rays of a batch: a number, and an index for each.
     pub const fn deferred_bytes(rays: u32) -> u64 {

@@ -57,17 +57,45 @@ pub struct BatchUniform {
     pub room: u32,
 }
 
+/// A side to ignore, as devices have it: 0 for none, 1 for the back, 2 for the front. Both sides are 3.
+pub const fn culling_bits(culling: Culling) -> u32 {
+    match culling {
+        Culling::None => 0,
+        Culling::Back => 1,
+        Culling::Front => 2,
+    }
+}
+
 impl BatchUniform {
     /// This many rays with these options.
     pub fn new(count: u32, options: &QueryOptions<'_>) -> BatchUniform {
-        let culling = match options.culling {
-            Culling::None => 0,
-            Culling::Back => 1,
-            Culling::Front => 2,
-        };
+        let culling = culling_bits(options.culling);
         let ignore = options.ignore.unwrap_or(u32::MAX);
         BatchUniform { count, culling, ignore, room: 0 }
     }
+}
+
+/// A batch of rays of a scene of many objects: the WGSL struct `SceneBatch` of `scene_query.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+pub struct SceneBatch {
+    /// How many rays.
+    pub count: u32,
+    /// The side of triangles to ignore, as seen in the world: 0 for none, 1 for the back, 2 for the front.
+    pub culling: u32,
+    /// Instances answer when a bit of theirs is in this mask.
+    pub mask: u32,
+    /// The instance of a triangle to ignore; `u32::MAX` for none.
+    pub ignored_instance: u32,
+    /// That triangle, by its index in the geometry's mesh.
+    pub ignored_triangle: u32,
+    /// 1 where any hit will do, 0 where the closest is asked for.
+    pub any: u32,
+    /// Always 0, as in [`SceneUniform::zero`].
+    pub zero: u32,
+    /// Words of a ray's way through the tree over instances: 2, and an entry for each level, and one more; 0 where there is no
+    /// instance.
+    pub way: u32,
 }
 
 /// The input of the kernel that finds the range of the triangles: the WGSL struct `TriangleCount`

@@ -207,16 +207,16 @@ impl<A: Arithmetic, S: Triangles + ?Sized, O: Observer> Visitor<f32> for Search<
 }
 
 /// The best hit so far.
-pub(super) struct Best {
-    pub(super) hit: Hit,
+pub(crate) struct Best {
+    pub(crate) hit: Hit,
     /// Inner `t` beyond which no leaf can have a better one.
-    pub(super) stop: f32,
+    pub(crate) stop: f32,
 }
 
 impl Best {
     /// Tests the triangles of a leaf. Ends the walk with the first hit where any will do.
     #[inline(always)]
-    pub(super) fn test<A: Arithmetic, O: Observer>(
+    pub(crate) fn test<A: Arithmetic, O: Observer>(
         &mut self,
         ray: &PreparedRay,
         triangles: &(impl Triangles + ?Sized),

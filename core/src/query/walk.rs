@@ -78,13 +78,27 @@ impl<T, F: FnMut(Leaf<T>) -> ControlFlow<(), T>> Visitor<T> for F {
 pub fn walk<R: WalkRay, V: Visitor<R::T>>(
     nodes: &[KdNode],
     ray: &R,
+    interval: (R::T, R::T),
+    visitor: &mut V,
+) {
+    walk_from(nodes, 0, ray, interval, visitor);
+}
+
+/// [`walk`] from another root, for several trees in one array.
+///
+/// # Panics
+/// As [`walk`].
+#[inline(always)]
+pub fn walk_from<R: WalkRay, V: Visitor<R::T>>(
+    nodes: &[KdNode],
+    mut node: u32,
+    ray: &R,
     (mut enter, mut exit): (R::T, R::T),
     visitor: &mut V,
 ) {
     // Each waiting node leaves the path to the current node at a level of its own.
     let mut stack = [(0u32, R::T::default(), R::T::default()); MAX_DEPTH as usize + 1];
     let mut top = 0;
-    let mut node = 0u32;
     loop {
         visitor.node();
         match nodes[node as usize].kind() {

@@ -3,7 +3,7 @@
 use thiserror::Error;
 
 use super::hit::MAX_INSTANCES;
-use crate::error::BuildError;
+use crate::error::{BuildError, DeviceError};
 use crate::watch::Progress;
 
 /// Why an edit of a scene was refused. The scene is then what it was.
@@ -90,6 +90,9 @@ pub enum SceneBuildError {
     /// A description that is not one of a scene.
     #[error(transparent)]
     Description(SceneError),
+    /// A device that has no memory for the scene, or that fails.
+    #[error("the scene on the device: {0}")]
+    Device(DeviceError),
     /// The watch cancelled the work between geometries.
     #[error("cancelled after {} of {} geometries", progress.done, progress.total)]
     Cancelled {

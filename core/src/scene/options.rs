@@ -93,7 +93,7 @@ pub struct SceneReport {
     pub entered: u64,
     /// Batches that geometries answered; 0 where the CPU backend followed each ray from instance to instance.
     pub batches: u64,
-    /// Rays whose instances the CPU found for a device. 0 for the CPU backend.
+    /// Rays whose instances the CPU found for a device. 0 for the CPU backend, and where a device finds them itself.
     pub placed_by_cpu: u64,
     /// Rays of which a filter rejected the first hit it was shown, and that the CPU followed further.
     pub filtered: u64,

@@ -26,7 +26,7 @@ pub struct InstancedLook<'a> {
 
 /// Renders frames of a scene of instances. What answers its rays is kept and brought up to date: an update remakes only what changed.
 ///
-/// On a GPU each geometry's rays are traced there; the instances that a ray enters are found by the CPU, which also shades. Frames
+/// On a GPU that can hold the scene its rays are traced there; the CPU shades. Frames
 /// are equal on all backends, bit for bit, in accuracies watertight and exact.
 pub struct InstanceTracer {
     backend: RenderBackend,

@@ -93,7 +93,7 @@ fn free_in<K: KernelSet>(shader: &Shader) -> Free {
     let row = K::KERNELS.iter().find(|row| row.name == own).expect("a kernel of the set");
     let reads_tree = K::slots(row.kernel).any(|slot| match slot {
         Slot::Storage(Binding { buffer, access: Access::Read }) => {
-            ["nodes", "compressed_nodes"].contains(&K::buffer(buffer).name)
+            ["nodes", "compressed_nodes", "box_nodes"].contains(&K::buffer(buffer).name)
         }
         _ => false,
     });
@@ -224,6 +224,9 @@ fn only_those_that_trace_rays_may_be_free() {
             "list_triangles_retry",
             "closest_hit_compressed",
             "any_hit_compressed",
+            "enter_instances",
+            "trace_instances",
+            "trace_instances_retry",
             "first_costs",
             "closest_hits",
             "shadow_hits",
@@ -246,9 +249,15 @@ fn a_free_multiply_add_is_found_in_every_query() {
             "free_mul_add(hi, 0.5, snapped_product(lo, -0.5))",
         ),
     );
+    let stop = (
+        "product(length, BOX_DIRECTION_LEAST)",
+        "product(free_mul(length, 0.5), BOX_DIRECTION_LEAST)",
+    );
     for shader in QUERIES.iter().filter(|shader| !shader.name.ends_with("_fast")) {
         let free = free_in::<RayQueries>(shader);
         let ((from, to), rule) = match free {
+            // It prepares no ray.
+            Free::Allowed if shader.name == "enter_instances" => (stop, Rule::Merged),
             Free::Allowed => (shear, Rule::Merged),
             Free::Forbidden => (limits, Rule::Free),
         };

@@ -22,6 +22,12 @@ pub trait SceneAccelerator: Send + Sync {
     /// What was built.
     fn scene(&self) -> &BuiltScene;
 
+    /// Why the CPU finds the instances that rays enter, for a backend whose device could: `None` where the device does that for
+    /// batches of accuracy watertight without a filter, and for the CPU backend.
+    fn placed_by_cpu(&self) -> Option<&str> {
+        None
+    }
+
     /// Brings it up to date with a description: see [`BuiltScene::update`]. `build` is the backend's
     /// [`Backend::build`](crate::backend::Backend::build).
     ///
@@ -114,6 +120,10 @@ impl SceneAccelerator for Box<dyn SceneAccelerator> {
         (**self).scene()
     }
 
+    fn placed_by_cpu(&self) -> Option<&str> {
+        (**self).placed_by_cpu()
+    }
+
     fn update_by(
         &mut self,
         scene: &Scene,
@@ -182,8 +192,9 @@ mod tests {
 
     use super::*;
 
-    const NAMES: [&str; 9] = [
+    const NAMES: [&str; 10] = [
         "scene",
+        "placed_by_cpu",
         "update_by",
         "closest_hits",
         "any_hits",
@@ -212,6 +223,10 @@ mod tests {
     impl SceneAccelerator for &'static Noted {
         fn scene(&self) -> &BuiltScene {
             self.note("scene", &self.scene)
+        }
+
+        fn placed_by_cpu(&self) -> Option<&str> {
+            self.note("placed_by_cpu", None)
         }
 
         fn update_by(
@@ -280,6 +295,8 @@ mod tests {
         let (ray, options) = (Ray::new([0.0; 3], [1.0; 3]), SceneOptions::default());
         let _ = SceneAccelerator::scene(&boxed);
         assert_eq!(called(), "scene");
+        let _ = SceneAccelerator::placed_by_cpu(&boxed);
+        assert_eq!(called(), "placed_by_cpu");
         let build = &mut |_: &crate::mesh::Mesh<'_>, _: &BuildOptions<'_>| unreachable!();
         let _ =
             SceneAccelerator::update_by(&mut boxed, &Scene::new(), &BuildOptions::default(), build);

@@ -118,8 +118,14 @@ impl Asked {
 /// beyond it, so the limit is the float after it; and one below the least normal float may have become 0.
 #[inline(always)]
 pub fn seen_by(placement: &Placement, ray: &Ray, best: &SceneHit) -> Ray {
+    placement.space.ray(&ray.with_limits(ray.t_min, limit_within(ray, best)))
+}
+
+/// The upper limit of [`seen_by`].
+#[inline(always)]
+pub fn limit_within(ray: &Ray, best: &SceneHit) -> f32 {
     let best = if best.t >= 0.0 { best.t.max(f32::MIN_POSITIVE) } else { best.t };
-    placement.space.ray(&ray.with_limits(ray.t_min, ray.t_max.min(best.next_up())))
+    ray.t_max.min(best.next_up())
 }
 
 /// Memory of a block, kept between blocks.

@@ -117,6 +117,12 @@ impl BuiltScene {
         self.placements.get(instance.0 as usize)?.as_ref()
     }
 
+    /// By the name of an instance, where it is; `None` where there is none of this name.
+    #[inline]
+    pub fn all_placements(&self) -> &[Option<Placement>] {
+        &self.placements
+    }
+
     /// All instances, in the order of their names.
     pub fn placements(&self) -> impl Iterator<Item = (InstanceId, &Placement)> {
         let named = self.placements.iter().enumerate();

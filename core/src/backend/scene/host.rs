@@ -36,8 +36,14 @@ impl HostScene {
     ) -> Result<HostScene, SceneBuildError> {
         Ok(HostScene { built: BuiltScene::build(scene, options, build)? })
     }
+}
 
-    fn answer<T: SceneAnswer>(
+impl BuiltScene {
+    /// Answers a batch in waves: the calling thread finds which instances each ray enters, the geometries' accelerators answer.
+    ///
+    /// # Errors
+    /// As for [`SceneAccelerator::closest_hits`].
+    pub fn answer_in_waves<T: SceneAnswer>(
         &self,
         rays: &[Ray],
         answers: &mut [T],
@@ -45,7 +51,7 @@ impl HostScene {
     ) -> Result<SceneReport, QueryError> {
         check(rays.len(), answers.len())?;
         let (mut report, mut scratch) = (SceneReport::default(), BlockScratch::default());
-        let size = (STACKS / self.built.stack_bytes().max(1)).clamp(64, BLOCK);
+        let size = (STACKS / self.stack_bytes().max(1)).clamp(64, BLOCK);
         let (mut done, total) = (0, rays.len() as u64);
         for (rays, answers) in rays.chunks(size).zip(answers.chunks_mut(size)) {
             let within = options.watch.map(|watch| Within { watch, done, total });
@@ -53,7 +59,7 @@ impl HostScene {
                 Some(watch) => Some(watch),
                 None => None,
             };
-            let block = Block { scene: &self.built, rays, options, watch, singly_below: 0 };
+            let block = Block { scene: self, rays, options, watch, singly_below: 0 };
             let mut go_on = || go_on_tracing(options.watch, done, total);
             let part = block.answer(&mut ScalarWalker, &mut scratch, answers, &mut go_on);
             report.add(part.map_err(|error| match error {
@@ -78,6 +84,10 @@ impl SceneAccelerator for HostScene {
         &self.built
     }
 
+    fn placed_by_cpu(&self) -> Option<&str> {
+        Some("the backend has no scenes of its own")
+    }
+
     fn update_by(
         &mut self,
         scene: &Scene,
@@ -93,7 +103,7 @@ impl SceneAccelerator for HostScene {
         hits: &mut [SceneHit],
         options: &SceneOptions<'_>,
     ) -> Result<SceneReport, QueryError> {
-        self.answer(rays, hits, options)
+        self.built.answer_in_waves(rays, hits, options)
     }
 
     fn any_hits(
@@ -102,6 +112,6 @@ impl SceneAccelerator for HostScene {
         occluded: &mut [bool],
         options: &SceneOptions<'_>,
     ) -> Result<SceneReport, QueryError> {
-        self.answer(rays, occluded, options)
+        self.built.answer_in_waves(rays, occluded, options)
     }
 }

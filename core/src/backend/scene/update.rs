@@ -4,6 +4,7 @@ use alloc::sync::Arc;
 use alloc::vec::Vec;
 
 use super::built::{BuildGeometry, BuiltGeometry, BuiltScene};
+use super::packed::PackedSizes;
 use crate::aabb::Aabb;
 use crate::backend::BuildOptions;
 use crate::cancel::go_on;
@@ -43,6 +44,21 @@ pub struct UpdateReport {
     pub top: TopUpdate,
     /// Nodes of that tree that have new boxes.
     pub top_nodes_changed: u64,
+    /// Bytes that were sent to a device besides the geometries' own trees: what changed of instances and of the tree over
+    /// them, and of geometries all, where one of them is new or gone.
+    pub bytes_sent: u64,
+}
+
+/// What a scene is going to be when an update ends.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Becoming {
+    /// How long the arrays of its packed form are. If the tree over instances turns out worn, it may have other nodes in the end.
+    pub sizes: PackedSizes,
+    /// Whether geometries are built or dropped.
+    pub geometries_change: bool,
+    /// Bytes that the old scene and the new geometries hold together.
+    pub held: u64,
 }
 
 /// Instances that are placed between two calls of the watch.
@@ -98,12 +114,28 @@ impl BuiltScene {
         options: &BuildOptions<'_>,
         build: &mut BuildGeometry<'_>,
     ) -> Result<UpdateReport, SceneBuildError> {
+        self.update_after(scene, options, build, &mut |_| Ok(()))
+    }
+
+    /// [`BuiltScene::update`] for a backend that holds the scene elsewhere too: `reserve` is called when all that can fail is done and
+    /// nothing has changed yet, with what the scene is going to be. Its error ends the update.
+    ///
+    /// # Errors
+    /// As for [`BuiltScene::update`], and those of `reserve`.
+    pub fn update_after(
+        &mut self,
+        scene: &Scene,
+        options: &BuildOptions<'_>,
+        build: &mut BuildGeometry<'_>,
+        reserve: &mut dyn FnMut(&Becoming) -> Result<(), SceneBuildError>,
+    ) -> Result<UpdateReport, SceneBuildError> {
         let mut plan = self.build_geometries(scene, options, build)?;
         plan.go_on(options)?;
         self.place_instances(scene, &mut plan, options)?;
         let rebuilt = self.rebuilt_top(scene, &plan, options)?;
         make_room(&mut self.geometries, scene.geometry_names())?;
         make_room(&mut self.placements, scene.instance_names())?;
+        reserve(&self.becoming(&plan, rebuilt.as_ref()))?;
 
         // Nothing fails from here on, but for a worn tree that is then kept.
         let Plan { geometries, placements, mut report } = plan;
@@ -140,6 +172,24 @@ impl BuiltScene {
             self.top = top;
         }
         Ok(report)
+    }
+
+    /// What the scene is going to be.
+    fn becoming(&self, plan: &Plan, rebuilt: Option<&TopTree>) -> Becoming {
+        let planned = |name| plan.geometries.binary_search_by_key(&name, |&(name, _)| name).is_ok();
+        let kept = self.geometries().filter(|(name, _)| !planned(*name)).map(|(_, own)| own);
+        let new = plan.geometries.iter().filter_map(|(_, geometry)| geometry.as_ref());
+        let sizes = PackedSizes {
+            top_nodes: rebuilt.unwrap_or(&self.top).nodes().len(),
+            instances: self.placements.len(),
+            ..PackedSizes::default()
+        };
+        let held = self.bytes() + new.clone().map(BuiltGeometry::bytes).sum::<u64>();
+        Becoming {
+            sizes: kept.chain(new).fold(sizes, PackedSizes::and),
+            geometries_change: !plan.geometries.is_empty(),
+            held,
+        }
     }
 
     /// Builds the geometries whose arrays are new, and finds those that are gone.

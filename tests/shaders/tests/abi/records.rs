@@ -13,8 +13,8 @@ use naga::ir::{AddressSpace, ArraySize, ScalarKind, Type, TypeInner};
 use splitplane_core::aabb::Aabb;
 use splitplane_core::layout::{
     BatchUniform, CheckParameters, Chunk, ChunkBins, ChunkBounds, ChunkSides, Counters, Decision,
-    Extent, LargeNode, MiddleRoot, Parameters, Reference, SceneUniform, Sides, SmallRoot, TopNode,
-    TriangleCount,
+    Extent, LargeNode, MiddleRoot, Parameters, Reference, SceneBatch, SceneUniform, Sides,
+    SmallRoot, TopNode, TriangleCount,
 };
 use splitplane_core::ray::{Hit, Ray};
 use splitplane_core::tree::node::KdNode;
@@ -104,6 +104,9 @@ pub(crate) fn of_queries() -> Vec<Record> {
         record!(Hit { t triangle u v }),
         record!(Scene as SceneUniform { lo slack hi wide near_lo zero near_hi origin_least }),
         record!(Batch as BatchUniform { count culling ignore room }),
+        record!(SceneBatch {
+            count culling mask ignored_instance ignored_triangle any zero way
+        }),
         record!(TriangleCount { count zero }),
         record!(CheckParameters { zero count }),
         // An enum and an `Option` on the CPU.

@@ -1,0 +1,162 @@
+//! Packed scenes, traced by the reference of a device's kernels, against all instances asked one after the other.
+
+use splitplane_core::arithmetic::{Arithmetic, Hostile, Strict};
+use splitplane_core::backend::scene::SceneAccelerator;
+use splitplane_core::backend::scene::packed::{ALWAYS, MIRRORED, PackedInstance, PackedScene};
+use splitplane_core::backend::{Backend, BuildOptions};
+use splitplane_core::layout::{SceneBatch, culling_bits};
+use splitplane_core::ray::{Culling, Ray};
+use splitplane_core::scene::{IgnoredTriangle, InstanceId, SceneHit, SceneOptions, TOP_WIDTH};
+use splitplane_cpu::CpuBackend;
+use splitplane_test_support::objects::{self, Kind};
+
+fn batch(options: &SceneOptions<'_>) -> SceneBatch {
+    let ignored = options.ignore.map(|own| [own.instance.0, own.triangle]);
+    let [ignored_instance, ignored_triangle] = ignored.unwrap_or([u32::MAX, 0]);
+    SceneBatch {
+        count: 0,
+        culling: culling_bits(options.culling),
+        mask: options.mask,
+        ignored_instance,
+        ignored_triangle,
+        any: 0,
+        zero: 0,
+        way: 0,
+    }
+}
+
+fn traced<A: Arithmetic>(
+    packed: &PackedScene,
+    rays: &[Ray],
+    options: &SceneOptions<'_>,
+) -> Vec<([u32; 6], bool)> {
+    let batch = batch(options);
+    let one = |ray: &Ray| {
+        let hit = packed.trace::<A>(ray, &batch);
+        let any = packed.trace::<A>(ray, &SceneBatch { any: 1, ..batch });
+        (bytemuck::cast(hit), any.is_hit())
+    };
+    rays.iter().map(one).collect()
+}
+
+fn expected(
+    scene: &dyn SceneAccelerator,
+    rays: &[Ray],
+    options: &SceneOptions<'_>,
+) -> Vec<([u32; 6], bool)> {
+    let one = |ray: &Ray| {
+        let hit: SceneHit = scene.scene().answer_by_all(ray, options);
+        (bytemuck::cast(hit), scene.scene().answer_by_all(ray, options))
+    };
+    rays.iter().map(one).collect()
+}
+
+/// The sets of options that each scene is asked with.
+fn asked(names: &[InstanceId]) -> Vec<SceneOptions<'static>> {
+    let all = SceneOptions::default();
+    vec![
+        all,
+        SceneOptions { culling: Culling::Back, ..all },
+        SceneOptions { culling: Culling::Front, mask: 0x0f0f_00ff, ..all },
+        SceneOptions {
+            ignore: Some(IgnoredTriangle { instance: names[3], triangle: 2 }),
+            mask: 0x8000_0001,
+            ..all
+        },
+    ]
+}
+
+#[test]
+fn packed_scenes_give_the_hits_of_all_instances() {
+    let mut found = 0;
+    for (number, kind) in Kind::ALL.into_iter().enumerate() {
+        let (scene, names) = objects::scene(kind, 60, 500 + number as u64);
+        let rays = objects::rays(&scene, 1200, 600 + number as u64);
+        let built = CpuBackend::new().build_scene(&scene, &BuildOptions::default()).unwrap();
+        let packed = built.scene().packed().unwrap();
+        assert_eq!(packed.triangles.len(), built.scene().packed_sizes().triangles);
+        for options in asked(&names) {
+            let all = expected(&*built, &rays, &options);
+            for (which, own) in [
+                ("strict", traced::<Strict>(&packed, &rays, &options)),
+                ("hostile", traced::<Hostile>(&packed, &rays, &options)),
+            ] {
+                for (i, ray) in rays.iter().enumerate() {
+                    assert_eq!(own[i], all[i], "{kind:?} {which} {ray:?} {options:?}");
+                }
+            }
+            found += all.iter().filter(|(_, any)| *any).count();
+        }
+    }
+    assert!(found > 8_000, "{found}");
+}
+
+/// What is wrong, and what makes it so.
+type Fault = (&'static str, fn(&mut PackedScene));
+
+/// Nothing of a packed scene is without effect.
+#[test]
+fn planted_faults_are_found() {
+    let mut never: Vec<&str> = Vec::new();
+    let faults: [Fault; 9] = [
+        ("boxes without their slack", |scene| {
+            for node in &mut scene.box_nodes {
+                for slot in 0..TOP_WIDTH {
+                    for axis in 0..3 {
+                        let middle = 0.5 * (node.lo[axis][slot] + node.hi[axis][slot]);
+                        let less = |x: f32| middle + (x - middle) * 0.99;
+                        node.lo[axis][slot] = less(node.lo[axis][slot]);
+                        node.hi[axis][slot] = less(node.hi[axis][slot]);
+                    }
+                }
+            }
+        }),
+        ("a child that is lost", |scene| {
+            for node in &mut scene.box_nodes {
+                node.children[1] = u32::MAX;
+            }
+        }),
+        ("boxes that count everywhere, or nowhere", |scene| {
+            for child in scene.box_nodes.iter_mut().flat_map(|node| &mut node.children) {
+                *child = if *child == u32::MAX { *child } else { *child & !ALWAYS };
+            }
+        }),
+        ("masks", |scene| each(scene, |own| own.mask ^= 0x00ff_0001)),
+        ("reflections", |scene| each(scene, |own| own.sides ^= MIRRORED)),
+        ("sides", |scene| each(scene, |own| own.sides ^= 1)),
+        ("first triangles", |scene| {
+            each(scene, |own| {
+                own.first_triangle = own.first_triangle.saturating_sub(1);
+            });
+        }),
+        ("the last bit of inverses", |scene| {
+            each(scene, |own| own.inverse[1][2] = own.inverse[1][2].next_up());
+        }),
+        ("slack of planes", |scene| each(scene, |own| own.slack = -1.0)),
+    ];
+    let cases = [Kind::Ordinary, Kind::IllConditioned, Kind::Wide].map(|kind| {
+        let (scene, names) = objects::scene(kind, 60, 700);
+        let rays = objects::rays(&scene, 1200, 701);
+        let built = CpuBackend::new().build_scene(&scene, &BuildOptions::default()).unwrap();
+        let packed = built.scene().packed().unwrap();
+        let options = asked(&names);
+        let all: Vec<_> = options.iter().map(|options| expected(&*built, &rays, options)).collect();
+        (packed, rays, options, all)
+    });
+    for (what, fault) in faults {
+        let is_found = cases.iter().any(|(packed, rays, options, all)| {
+            let mut faulty = packed.clone();
+            fault(&mut faulty);
+            faulty != *packed
+                && (0..all.len()).any(|i| traced::<Strict>(&faulty, rays, &options[i]) != all[i])
+        });
+        if !is_found {
+            never.push(what);
+        }
+    }
+    assert_eq!(never, [""; 0], "faults that no ray finds");
+}
+
+fn each(scene: &mut PackedScene, change: impl Fn(&mut PackedInstance)) {
+    scene.instances.iter_mut().for_each(change);
+}

@@ -1,0 +1,210 @@
+//! A scene of many objects on a device behind the core's `SceneAccelerator`.
+
+use std::sync::Arc;
+
+use splitplane_core::backend::BuildOptions;
+use splitplane_core::backend::scene::{
+    Becoming, BuildGeometry, BuiltScene, SceneAccelerator, SceneAnswer, UpdateReport,
+};
+use splitplane_core::error::{BuildError, DeviceError, QueryError};
+use splitplane_core::query::traverse::Query;
+use splitplane_core::ray::{Accuracy, Ray};
+use splitplane_core::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport};
+
+use super::held::{Buffers, HeldScene, exceeded, reserve};
+use super::waves::{WaveMemory, Waves};
+use crate::error::GpuError;
+use crate::query::error::DeviceQueryError;
+use crate::query::layout::UNFINISHED;
+use crate::query::pipelines::Queries;
+
+/// A scene on a device.
+///
+/// Batches of accuracy `watertight` without a filter are answered there: rays find the instances that they enter in the tree over
+/// them, and are traced in the geometries' trees, all of which lie in shared buffers besides the geometries' own. Rays that the driver does
+/// not let finish are answered by the CPU, and counted. Other batches, and all of a scene that the device cannot hold, go to the
+/// geometries' accelerators in waves, for which the CPU finds the instances: see
+/// [`SceneAccelerator::placed_by_cpu`] and [`SceneReport::placed_by_cpu`].
+pub struct WgpuScene {
+    built: BuiltScene,
+    queries: Arc<Queries>,
+    /// What the device holds, or why it holds nothing.
+    held: Result<HeldScene, String>,
+    memory: WaveMemory,
+}
+
+/// What is reserved on the device for a scene that is going to be.
+type Reserved = Result<Buffers, String>;
+
+impl WgpuScene {
+    /// Builds a scene.
+    ///
+    /// # Errors
+    /// As for [`BuiltScene::build`]; a device without memory for the scene, or that fails.
+    pub(crate) fn build(
+        queries: Arc<Queries>,
+        scene: &Scene,
+        options: &BuildOptions<'_>,
+        build: &mut BuildGeometry<'_>,
+    ) -> Result<WgpuScene, SceneBuildError> {
+        let mut own = WgpuScene {
+            built: BuiltScene::default(),
+            queries,
+            held: Err("nothing was built yet".into()),
+            memory: WaveMemory::default(),
+        };
+        own.update_by(scene, options, build)?;
+        Ok(own)
+    }
+
+    /// Bytes that the device holds of the scene besides the geometries' own trees.
+    pub fn bytes_on_device(&self) -> u64 {
+        self.held.as_ref().map_or(0, HeldScene::bytes)
+    }
+
+    fn answer<T: SceneAnswer>(
+        &self,
+        rays: &[Ray],
+        answers: &mut [T],
+        options: &SceneOptions<'_>,
+        of: impl Fn(&SceneHit) -> T,
+    ) -> Result<SceneReport, QueryError> {
+        let suits = options.filter.is_none() && options.accuracy == Accuracy::Watertight;
+        let (true, Ok(scene)) = (suits, &self.held) else {
+            return self.built.answer_in_waves(rays, answers, options);
+        };
+        if rays.len() != answers.len() {
+            return Err(QueryError::LengthMismatch { rays: rays.len(), results: answers.len() });
+        }
+        let (queries, memory) = (&*self.queries, &self.memory);
+        let any = T::QUERY == Query::Any;
+        let waves = Waves { queries, scene, memory, options, any };
+        let mut report = SceneReport::default();
+        let mut unfinished: Vec<usize> = Vec::new();
+        report.entered = waves.answer(rays, options.watch, |range, bytes| {
+            for (place, bytes) in range.zip(bytes.chunks_exact(size_of::<SceneHit>())) {
+                let hit: SceneHit = bytemuck::pod_read_unaligned(bytes);
+                answers[place] = of(&hit);
+                if hit.triangle == UNFINISHED {
+                    let needed = ((unfinished.len() + 1) * size_of::<usize>()) as u64;
+                    let lacking = |_| DeviceQueryError::HostMemory { needed };
+                    unfinished.try_reserve(1).map_err(lacking)?;
+                    unfinished.push(place);
+                }
+            }
+            Ok(())
+        })?;
+        for &ray in &unfinished {
+            answers[ray] = self.built.answer_one(&rays[ray], options);
+        }
+        report.geometries.unfinished = unfinished.len() as u64;
+        report.geometries.answered_by_cpu = unfinished.len() as u64;
+        Ok(report)
+    }
+}
+
+/// Reserves room on the device for what a scene is going to be, or says why it will not be there.
+fn make_room(
+    queries: &Queries,
+    old: Option<&HeldScene>,
+    becoming: &Becoming,
+    options: &BuildOptions<'_>,
+) -> Result<Reserved, SceneBuildError> {
+    let Becoming { sizes, geometries_change, held, .. } = becoming;
+    if let Some(limit) = exceeded(queries.gpu(), sizes) {
+        return Ok(Err(limit.to_string()));
+    }
+    let bytes: u64 = sizes.bytes().iter().sum();
+    if let Some(limit) = options.max_memory.filter(|limit| held.saturating_add(bytes) > *limit) {
+        let needed = held.saturating_add(bytes);
+        return Ok(Err(format!(
+            "with the scene on the device it takes {needed} bytes, and {limit} are allowed"
+        )));
+    }
+    reserve(queries.gpu(), old, sizes, *geometries_change || old.is_none()).map(Ok).map_err(failed)
+}
+
+fn failed(error: GpuError) -> SceneBuildError {
+    match BuildError::from(error) {
+        BuildError::Device(error) => SceneBuildError::Device(error),
+        BuildError::OutOfMemory { needed, limit } => SceneBuildError::OutOfMemory { needed, limit },
+        error => SceneBuildError::Device(DeviceError::Failed(error.to_string())),
+    }
+}
+
+impl SceneAccelerator for WgpuScene {
+    fn scene(&self) -> &BuiltScene {
+        &self.built
+    }
+
+    fn placed_by_cpu(&self) -> Option<&str> {
+        self.held.as_ref().err().map(String::as_str)
+    }
+
+    /// As there. What the device lacks memory for is an error, and the old scene answers; a scene that exceeds the limits of its
+    /// bindings is answered in waves: see [`SceneAccelerator::placed_by_cpu`].
+    fn update_by(
+        &mut self,
+        scene: &Scene,
+        options: &BuildOptions<'_>,
+        build: &mut BuildGeometry<'_>,
+    ) -> Result<UpdateReport, SceneBuildError> {
+        let WgpuScene { built, queries, held, .. } = self;
+        let mut reserved: Reserved = Err(String::new());
+        let mut anew = held.is_err();
+        let mut report = built.update_after(scene, options, build, &mut |becoming| {
+            anew |= becoming.geometries_change;
+            reserved = make_room(queries, held.as_ref().ok(), becoming, options)?;
+            Ok(())
+        })?;
+        let gpu = queries.gpu();
+        // The tree over instances may have been built anew since.
+        let sent = match (reserved, &mut *held) {
+            (Err(reason), _) => Err(reason),
+            (Ok(buffers), _) if !suffice(&buffers, built) => {
+                Err("the tree over instances has outgrown its room on the device".into())
+            }
+            (Ok(buffers), Ok(held)) if !anew => held
+                .refresh(gpu, buffers, built)
+                .map(|sent| (None, sent))
+                .map_err(|e| e.to_string()),
+            (Ok(buffers), _) => HeldScene::fill(gpu, buffers, built)
+                .map(|(held, sent)| (Some(held), sent))
+                .map_err(|e| e.to_string()),
+        };
+        match sent {
+            Ok((new, sent)) => {
+                if let Some(new) = new {
+                    *held = Ok(new);
+                }
+                report.bytes_sent = sent;
+            }
+            Err(reason) => *held = Err(reason),
+        }
+        Ok(report)
+    }
+
+    fn closest_hits(
+        &self,
+        rays: &[Ray],
+        hits: &mut [SceneHit],
+        options: &SceneOptions<'_>,
+    ) -> Result<SceneReport, QueryError> {
+        self.answer(rays, hits, options, |hit| *hit)
+    }
+
+    fn any_hits(
+        &self,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &SceneOptions<'_>,
+    ) -> Result<SceneReport, QueryError> {
+        self.answer(rays, occluded, options, SceneHit::is_hit)
+    }
+}
+
+/// Whether the buffers hold the scene as it is now.
+fn suffice(buffers: &Buffers, built: &BuiltScene) -> bool {
+    let needed = built.packed_sizes().bytes();
+    buffers.iter().zip(needed).all(|(buffer, bytes)| buffer.size() >= bytes)
+}

@@ -1,0 +1,416 @@
+//! Scenes that are wholly on a device: the answers of all instances asked one after the other, bit for bit; what updates send; what
+//! happens where the device has no room.
+
+#[path = "common/hostile.rs"]
+mod hostile;
+#[path = "common/poison.rs"]
+mod poison;
+
+use splitplane_core::backend::scene::SceneAccelerator;
+use splitplane_core::backend::{Backend, BuildOptions};
+use splitplane_core::error::{BuildError, DeviceError};
+use splitplane_core::kernel::QueryKernel;
+use splitplane_core::mesh::Mesh;
+use splitplane_core::ray::{Accuracy, Culling, Ray};
+use splitplane_core::scene::{
+    IgnoredTriangle, InstanceId, Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport,
+    translation,
+};
+use splitplane_cpu::CpuBackend;
+use splitplane_shaders::TriangleTest;
+use splitplane_test_support::objects::{self, Kind};
+use splitplane_test_support::random::Random;
+use splitplane_wgpu::{Gpu, OpenOptions, WgpuBackend};
+
+fn open() -> Gpu {
+    let adapter = std::env::var("SPLITPLANE_ADAPTER").ok();
+    let open = OpenOptions { default_limits: true, adapter, ..Default::default() };
+    Gpu::open(&open).expect("the device tests need a GPU or a software Vulkan")
+}
+
+fn device() -> WgpuBackend {
+    WgpuBackend::new(open()).expect("a backend")
+}
+
+type Answers = Vec<([u32; 6], bool)>;
+
+fn answers(
+    scene: &dyn SceneAccelerator,
+    rays: &[Ray],
+    options: &SceneOptions<'_>,
+) -> (Answers, SceneReport) {
+    let mut hits = vec![SceneHit { t: -7.0, ..SceneHit::MISS }; rays.len()];
+    let mut report = scene.closest_hits(rays, &mut hits, options).expect("hits");
+    let mut any = vec![true; rays.len()];
+    report.add(scene.any_hits(rays, &mut any, options).expect("hits")).expect("a sum");
+    (hits.iter().map(|hit| bytemuck::cast(*hit)).zip(any).collect(), report)
+}
+
+fn expected(scene: &dyn SceneAccelerator, rays: &[Ray], options: &SceneOptions<'_>) -> Answers {
+    let scene = scene.scene();
+    let closest = |ray| bytemuck::cast(scene.answer_by_all::<SceneHit>(ray, options));
+    rays.iter().map(|ray| (closest(ray), scene.answer_by_all(ray, options))).collect()
+}
+
+fn asked(names: &[InstanceId]) -> [SceneOptions<'static>; 4] {
+    let all = SceneOptions::default();
+    let ignore = Some(IgnoredTriangle { instance: names[3], triangle: 2 });
+    [
+        all,
+        SceneOptions { culling: Culling::Back, ..all },
+        SceneOptions { culling: Culling::Front, mask: 0x0f0f_00ff, ..all },
+        SceneOptions { ignore, mask: 0x8000_0001, ..all },
+    ]
+}
+
+/// Rays that hit nothing, whatever there is, or that are odd otherwise.
+fn odd(rays: &[Ray]) -> Vec<Ray> {
+    let [nan, infinite] = [f32::NAN, f32::INFINITY];
+    let change = |(i, ray): (usize, &Ray)| match i % 9 {
+        0 => Ray::new([nan, 0.0, 0.0], ray.direction),
+        1 => Ray::new(ray.origin, [0.0, infinite, 1.0]),
+        2 => Ray::new(ray.origin, [0.0, -0.0, 0.0]),
+        3 => ray.with_limits(1.0, 0.5),
+        4 => ray.with_limits(nan, 1.0),
+        5 => ray.with_limits(-infinite, -0.0),
+        6 => Ray::new(ray.origin.map(|x| x + 1e19), ray.direction),
+        7 => Ray::new(ray.origin, ray.direction.map(|x| x * 1e20)),
+        _ => Ray::new(ray.origin, ray.direction.map(|x| x * 1e-20)),
+    };
+    rays.iter().enumerate().map(change).collect()
+}
+
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn hits_are_those_of_all_instances() {
+    let device = device();
+    let (mut found, mut all_entered) = (0, 0);
+    for (number, kind) in Kind::ALL.into_iter().enumerate() {
+        let (scene, names) = objects::scene(kind, 60, 800 + number as u64);
+        let mut rays = objects::rays(&scene, 1000, 900 + number as u64);
+        rays.extend(odd(&rays[..200]));
+        let built = device.build_scene(&scene, &BuildOptions::default()).expect("a scene");
+        assert_eq!(built.placed_by_cpu(), None);
+        for options in asked(&names) {
+            let all = expected(&*built, &rays, &options);
+            let (own, report) = answers(&*built, &rays, &options);
+            for (i, ray) in rays.iter().enumerate() {
+                assert_eq!(own[i], all[i], "{kind:?} {ray:?} {options:?}");
+            }
+            assert_eq!((report.placed_by_cpu, report.batches), (0, 0));
+            assert_eq!(report.geometries.answered_by_cpu, report.geometries.unfinished);
+            assert!(report.geometries.unfinished < rays.len() as u64 / 10, "{report:?}");
+            all_entered += report.entered;
+            found += all.iter().filter(|(_, any)| *any).count();
+        }
+    }
+    assert!(found > 6_000 && all_entered > 50_000, "{found} {all_entered}");
+}
+
+/// Masks of all bits on all instances, and rays of any mask.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn masks_are_those_of_instances_and_rays() {
+    let device = device();
+    let (mut scene, names) = objects::scene(Kind::Coincident, 80, 91);
+    let mut random = Random::new(92);
+    for name in &names {
+        // Few bits, so that most instances are out of most masks.
+        scene.set_mask(*name, random.bits() & random.bits() & random.bits()).expect("an edit");
+    }
+    let rays = objects::rays(&scene, 400, 93);
+    let built = device.build_scene(&scene, &BuildOptions::default()).expect("a scene");
+    let mut seen = std::collections::BTreeSet::new();
+    for round in 0..12u32 {
+        let mask = match round {
+            0 => 0,
+            1 => u32::MAX,
+            2 => 1 << 31,
+            _ => random.bits() & random.bits(),
+        };
+        let options = SceneOptions { mask, ..SceneOptions::default() };
+        let all = expected(&*built, &rays, &options);
+        assert!(answers(&*built, &rays, &options).0 == all, "{mask:#x}");
+        seen.insert(all.iter().filter(|(_, any)| *any).count());
+    }
+    assert!(seen.len() > 8 && seen.first() == Some(&0), "{seen:?}");
+}
+
+/// No kernel reads memory of its workgroup that it has not written: that memory is not cleared.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn memory_of_workgroups_may_hold_anything() {
+    let (scene, _) = objects::scene(Kind::Ordinary, 40, 95);
+    let rays = objects::rays(&scene, 400, 96);
+    let cpu = CpuBackend::new().build_scene(&scene, &BuildOptions::default()).expect("a scene");
+    let all = expected(&*cpu, &rays, &SceneOptions::default());
+    for word in poison::WORDS {
+        let kernel = QueryKernel::TraceInstances;
+        let source = poison::poisoned(&source_of(kernel), word).expect("memory of a workgroup");
+        let built = built_on(kernel, source)(&scene);
+        assert!(answers(&*built, &rays, &SceneOptions::default()).0 == all, "{word}");
+    }
+}
+
+/// What the device does not answer alone is answered in waves, and counted.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn exact_answers_and_filters_are_placed_by_the_cpu() {
+    let device = device();
+    let (scene, _) = objects::scene(Kind::Ordinary, 30, 5);
+    let rays = objects::rays(&scene, 300, 6);
+    let built = device.build_scene(&scene, &BuildOptions::default()).expect("a scene");
+    let even = |hit: &SceneHit| hit.triangle.is_multiple_of(2);
+    for options in [
+        SceneOptions { accuracy: Accuracy::Exact, ..SceneOptions::default() },
+        SceneOptions { filter: Some(&even), ..SceneOptions::default() },
+    ] {
+        let (own, report) = answers(&*built, &rays, &options);
+        assert_eq!(own, expected(&*built, &rays, &options));
+        assert_eq!(report.placed_by_cpu, 2 * rays.len() as u64);
+    }
+}
+
+/// Scenes without instances, without triangles, and with one of a name that was given up.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn scenes_with_nothing_in_them() {
+    let device = device();
+    let (full, names) = objects::scene(Kind::Ordinary, 12, 31);
+    let rays = objects::rays(&full, 200, 32);
+    let options = SceneOptions::default();
+    let mut built = device.build_scene(&Scene::new(), &BuildOptions::default()).expect("a scene");
+    let none =
+        |hit: &([u32; 6], bool)| !hit.1 && hit.0 == bytemuck::cast::<_, [u32; 6]>(SceneHit::MISS);
+    assert!(answers(&*built, &rays, &options).0.iter().all(none));
+    let build = &BuildOptions::default();
+    device.update_scene(&mut *built, &full, build).expect("an update");
+    assert_eq!(answers(&*built, &rays, &options).0, expected(&*built, &rays, &options));
+    let mut few = full;
+    for name in &names[..11] {
+        few.remove_instance(*name).expect("an instance");
+    }
+    device.update_scene(&mut *built, &few, build).expect("an update");
+    assert_eq!(answers(&*built, &rays, &options).0, expected(&*built, &rays, &options));
+    few.remove_instance(names[11]).expect("an instance");
+    device.update_scene(&mut *built, &few, build).expect("an update");
+    assert!(answers(&*built, &rays, &options).0.iter().all(none));
+    assert_eq!(built.placed_by_cpu(), None);
+}
+
+/// An update sends what changed and nothing else.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn updates_send_what_changed() {
+    let device = device();
+    let (mut scene, names) = objects::scene(Kind::Ordinary, 1000, 41);
+    let rays = objects::rays(&scene, 300, 42);
+    let build = BuildOptions::default();
+    let mut built = device.build_scene(&scene, &build).expect("a scene");
+    let sizes = built.scene().packed_sizes();
+    let all: u64 = sizes.bytes().iter().sum();
+    let own = scene.instance(names[500]).expect("an instance").transform;
+    let nothing = device.update_scene(&mut *built, &scene, &build).expect("an update");
+    assert_eq!(nothing.bytes_sent, 0);
+    for step in 0..4 {
+        let mut becomes = own;
+        becomes[0][3] += 0.125 * step as f32 + 0.125;
+        scene.move_instance(names[500], becomes).expect("an edit");
+        let before = device.gpu().traffic();
+        let report = device.update_scene(&mut *built, &scene, &build).expect("an update");
+        let sent = device.gpu().traffic() - before;
+        assert_eq!(sent.bytes_up, report.bytes_sent);
+        assert_eq!(sent.buffers, 0, "no memory is made");
+        // One instance, and the nodes above it.
+        let most = 128 + 8 * 256 * report.top_nodes_changed;
+        assert!((128..=most).contains(&report.bytes_sent), "{report:?}");
+        assert!(report.bytes_sent < all / 20, "{report:?} of {all}");
+        let options = SceneOptions::default();
+        assert_eq!(answers(&*built, &rays, &options).0, expected(&*built, &rays, &options));
+    }
+    scene.remove_instance(names[7]).expect("an instance");
+    let geometry = scene.instance(names[8]).expect("an instance").geometry;
+    let sphere = splitplane_test_support::scenes::sphere(10, [0.5; 3], 0.75);
+    scene.replace_mesh(geometry, &sphere.mesh()).expect("an edit");
+    let report = device.update_scene(&mut *built, &scene, &build).expect("an update");
+    assert_eq!(report.bytes_sent, built.scene().packed_sizes().bytes().iter().sum::<u64>());
+    let options = SceneOptions::default();
+    assert_eq!(answers(&*built, &rays, &options).0, expected(&*built, &rays, &options));
+    scene.move_instance(names[9], translation([0.5; 3])).expect("an edit");
+    device.update_scene(&mut *built, &scene, &build).expect("an update");
+    assert_eq!(answers(&*built, &rays, &options).0, expected(&*built, &rays, &options));
+}
+
+/// A driver that refuses memory ends an update in an error, and the old scene answers; so does a geometry that is not built.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn a_failed_update_leaves_the_old_scene() {
+    let device = device();
+    let (mut scene, names) = objects::scene(Kind::Ordinary, 40, 61);
+    let rays = objects::rays(&scene, 300, 62);
+    let (build, options) = (BuildOptions::default(), SceneOptions::default());
+    let mut built = device.build_scene(&scene, &build).expect("a scene");
+    let before = expected(&*built, &rays, &options);
+    let digest = built.scene().digest();
+    for i in 0..200u16 {
+        let instance = *scene.instance(names[usize::from(i) % 40]).expect("an instance");
+        scene.add_instance(instance).expect("an instance");
+    }
+    let most = built.scene().packed_sizes().bytes()[1];
+    device.gpu().plant_memory(most);
+    let error = device.update_scene(&mut *built, &scene, &build).unwrap_err();
+    let SceneBuildError::Device(DeviceError::OutOfMemory { what, needed }) = &error else {
+        panic!("{error:?}")
+    };
+    assert!(what == "the tree over instances" && *needed > most, "{error}");
+    let mut cancelled = 0;
+    let none = &mut |_: &Mesh<'_>, _: &BuildOptions<'_>| {
+        cancelled += 1;
+        Err(BuildError::WrongMesh { reason: "planted".into() })
+    };
+    device.gpu().plant_memory(u64::MAX);
+    scene.add_mesh(&splitplane_test_support::scenes::one().mesh()).expect("a geometry");
+    assert!(built.update_by(&scene, &build, none).is_err());
+    assert_eq!(cancelled, 1);
+    assert_eq!((built.scene().digest(), built.placed_by_cpu()), (digest, None));
+    assert_eq!(answers(&*built, &rays, &options).0, before);
+    device.update_scene(&mut *built, &scene, &build).expect("an update");
+    assert_eq!(answers(&*built, &rays, &options).0, expected(&*built, &rays, &options));
+}
+
+/// A scene on a device with a changed kernel. The CPU builds the geometries, so that no kernel of the builder is compiled.
+fn built_on(kernel: QueryKernel, source: String) -> impl Fn(&Scene) -> Box<dyn SceneAccelerator> {
+    let backend = WgpuBackend::with_replaced_query(open(), kernel, source);
+    move |scene| {
+        let (cpu, build) = (CpuBackend::new(), BuildOptions::default());
+        let mut built = backend.build_scene(&Scene::new(), &build).expect("a scene");
+        let own = &mut |mesh: &Mesh<'_>, options: &BuildOptions<'_>| cpu.build(mesh, options);
+        built.update_by(scene, &build, own).expect("an update");
+        assert_eq!(built.placed_by_cpu(), None);
+        built
+    }
+}
+
+fn source_of(kernel: QueryKernel) -> String {
+    let shader = splitplane_shaders::query(kernel.name(), TriangleTest::Watertight);
+    shader.expect("a shader").source()
+}
+
+/// Drivers that do what WGSL lets them do give the same hits: each kernel, rewritten as such a driver has it.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn hits_on_drivers_that_round_badly() {
+    let cpu = CpuBackend::new();
+    let cases = [Kind::Ordinary, Kind::IllConditioned, Kind::Coincident].map(|kind| {
+        let (scene, _) = objects::scene(kind, 40, 81);
+        let rays = objects::rays(&scene, 400, 82);
+        let built = cpu.build_scene(&scene, &BuildOptions::default()).expect("a scene");
+        let all = expected(&*built, &rays, &SceneOptions::default());
+        (kind, scene, rays, all)
+    });
+    for driver in hostile::ALLOWED {
+        for kernel in QueryKernel::WAVE {
+            let on = built_on(kernel, driver.compiled(&source_of(kernel)));
+            for (kind, scene, rays, all) in &cases {
+                let (own, report) = answers(&*on(scene), rays, &SceneOptions::default());
+                let place = format!("{}, {kernel:?}, {kind:?}", driver.name);
+                assert!(own == *all, "{place}");
+                let unfinished = report.geometries.unfinished;
+                assert!(unfinished < rays.len() as u64 / 5, "{place}: {unfinished}");
+            }
+        }
+    }
+}
+
+/// Each fault in a kernel changes the answer to some ray.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn planted_faults_are_found() {
+    use QueryKernel::{EnterInstances, TraceInstances, TraceInstancesRetry};
+    let faults = [
+        (TraceInstances, "ties", "instance < best.instance ||", "instance > best.instance ||"),
+        (TraceInstances, "order", "hit.t < best.t ||", "hit.t > best.t ||"),
+        (TraceInstances, "limits", "0x00800000u) + 1u", "0x00800000u) - 1u"),
+        (TraceInstances, "reflections", "3u - sides, mirrored", "sides, mirrored"),
+        (TraceInstances, "inverses", "bitcast<f32>(row.w));", "bitcast<f32>(row.w ^ 1u));"),
+        (TraceInstances, "directions", "snapped_product(m.z, d.z)", "snapped_product(m.z, p_z(d))"),
+        (TraceInstances, "ignored triangles", "+ scene_batch.ignored_triangle", "+ 0u"),
+        (TraceInstances, "slack", "bitcast<f32>(lo.w)", "-1.0"),
+        (TraceInstances, "deferred rays", "        defer_ray(index);\n", ""),
+        (
+            TraceInstancesRetry,
+            "retries",
+            "place >= deferred_count()",
+            "place >= (deferred_count() & 0u)",
+        ),
+        (EnterInstances, "masks", "(asked.x & scene_batch.mask) != 0u", "true"),
+        (EnterInstances, "both sides", "& 3u) != 3u", "& 3u) != 4u"),
+        (
+            EnterInstances,
+            "widening",
+            "free_mul(reach, ray.distance)",
+            "free_mul(reach, -ray.distance)",
+        ),
+        (EnterInstances, "stops", "out.stop = sum(t_max, ", "out.stop = difference(t_max, "),
+        (EnterInstances, "rests", "if rest != 0u", "if rest > 15u"),
+        (EnterInstances, "boxes that do not count", "(child & TOP_ALWAYS) == 0u", "true"),
+    ];
+    let cpu = CpuBackend::new();
+    let cases = [Kind::Ordinary, Kind::IllConditioned, Kind::Coincident, Kind::Wide].map(|kind| {
+        let (scene, names) = objects::scene(kind, 60, 71);
+        let mut rays = objects::rays(&scene, 900, 72);
+        rays.extend(odd(&rays[..90]));
+        let built = cpu.build_scene(&scene, &BuildOptions::default()).expect("a scene");
+        let mut options = asked(&names);
+        // One that is hit.
+        let hits = expected(&*built, &rays, &options[0]);
+        let hit = hits.iter().map(|(hit, _)| bytemuck::cast::<_, SceneHit>(*hit));
+        let hit = hit.filter(SceneHit::is_hit).find(|hit| hit.triangle > 0).expect("a hit");
+        let instance = InstanceId(hit.instance);
+        let ignore = Some(IgnoredTriangle { instance, triangle: hit.triangle });
+        options[1] = options[3];
+        options[3] = SceneOptions { ignore, ..options[0] };
+        let all = options.map(|options| expected(&*built, &rays, &options));
+        (scene, rays, options, all)
+    });
+    let mut never = Vec::new();
+    for (kernel, what, from, to) in faults {
+        let source = source_of(kernel);
+        let faulty = source.replace(from, to) + "\nfn p_z(d: vec3<f32>) -> f32 { return d.y; }\n";
+        assert!(source.contains(from), "{what}: {from}");
+        let on = built_on(kernel, faulty);
+        let is_found = cases.iter().any(|(scene, rays, options, all)| {
+            let built = on(scene);
+            (0..all.len()).any(|i| answers(&*built, rays, &options[i]).0 != all[i])
+        });
+        if !is_found {
+            never.push(what);
+        }
+    }
+    assert_eq!(never, [""; 0], "faults that no ray finds");
+}
+
+/// A scene that does not fit what is allowed is answered in waves, and says why; with room again it is on the device again.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn without_room_the_cpu_places_rays() {
+    let device = device();
+    let (mut scene, names) = objects::scene(Kind::Ordinary, 40, 51);
+    let rays = objects::rays(&scene, 300, 52);
+    let options = SceneOptions::default();
+    let mut built = device.build_scene(&scene, &BuildOptions::default()).expect("a scene");
+    let held = built.scene().bytes();
+    let all: u64 = built.scene().packed_sizes().bytes().iter().sum();
+    let tight = BuildOptions { max_memory: Some(held + all - 1), ..BuildOptions::default() };
+    scene.move_instance(names[3], translation([0.25; 3])).expect("an edit");
+    device.update_scene(&mut *built, &scene, &tight).expect("an update");
+    let reason = built.placed_by_cpu().expect("a reason").to_owned();
+    assert!(reason.contains("allowed"), "{reason}");
+    let (own, report) = answers(&*built, &rays, &options);
+    assert_eq!(own, expected(&*built, &rays, &options));
+    assert_eq!(report.placed_by_cpu, 2 * rays.len() as u64);
+    device.update_scene(&mut *built, &scene, &BuildOptions::default()).expect("an update");
+    assert_eq!(built.placed_by_cpu(), None);
+    let (own, report) = answers(&*built, &rays, &options);
+    assert_eq!((own, report.placed_by_cpu), (expected(&*built, &rays, &options), 0));
+}

@@ -1,0 +1,95 @@
+//! A scene as a device holds it: the tree over instances, the instances, and the trees of all geometries in shared arrays.
+//!
+//! Devices bind few buffers, so what each instance needs of its geometry stands in its own record, and the geometries'
+//! nodes, references and corners lie one behind the other: a node names its child, a leaf its references and a reference
+//! its triangle by places in these arrays, so that a ray in an instance needs no other number than the place of a root.
+//! [`PackedScene::trace`] is the serial reference of the kernels that go through it.
+
+mod pack;
+mod trace;
+
+use alloc::vec::Vec;
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::scene::{TOP_WIDTH, Transform};
+use crate::tree::node::KdNode;
+use crate::triangle::Triangle;
+
+pub use pack::{PackedSizes, Unpackable};
+
+/// A child of a packed node that every ray enters; the other bits are as in
+/// [`TopNode::children`](crate::scene::TopNode::children).
+pub const ALWAYS: u32 = 1 << 30;
+/// Nodes of a packed tree over instances are fewer: a stack's entry is a node, and eight bits of its children.
+pub const MOST_TOP_NODES: usize = 1 << 24;
+/// Boxes with coordinates beyond this are entered by every ray, and rays from farther away enter every box: so no operation of
+/// the test of a box overflows.
+pub const BOX_COORDINATE_MOST: f32 = 1.099_511_6e12; // 2^40
+
+/// A node of the tree over instances as a device has it: a [`TopNode`](crate::scene::TopNode) whose coordinates are all
+/// within [`BOX_COORDINATE_MOST`]. 256 bytes.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct PackedTopNode {
+    /// Lower ends of the children's boxes, by axis.
+    pub lo: [[f32; TOP_WIDTH]; 3],
+    /// Upper ends.
+    pub hi: [[f32; TOP_WIDTH]; 3],
+    /// What boxes are widened by, per unit of a ray's origin.
+    pub reach: [f32; TOP_WIDTH],
+    /// A node, or an instance (the top bit is set; the others are its name), or `u32::MAX` for none; with [`ALWAYS`]
+    /// where the box does not count.
+    pub children: [u32; TOP_WIDTH],
+}
+
+/// An instance as a device has it, with what its geometry's own queries know of the geometry. 128 bytes.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct PackedInstance {
+    /// From the world to the object.
+    pub inverse: Transform,
+    /// Rays enter when a bit of theirs is in this mask. 0 for a name that no instance has.
+    pub mask: u32,
+    /// The geometry's name times 8; bit 2 for a reflection; in the last bits the side to ignore, as in
+    /// [`SceneBatch::culling`](crate::layout::SceneBatch::culling).
+    pub sides: u32,
+    /// The geometry's root among all nodes.
+    pub root: u32,
+    /// The geometry's first triangle among all triangles.
+    pub first_triangle: u32,
+    /// Lower corner of the tree's bounds.
+    pub lo: [f32; 3],
+    /// As [`SceneUniform::slack`](crate::layout::SceneUniform::slack), as the others.
+    pub slack: f32,
+    /// Upper corner of the tree's bounds.
+    pub hi: [f32; 3],
+    /// 1 when exponents leave the range of the plain triangle test.
+    pub wide: u32,
+    /// Lower corner of the box in which an origin is not far.
+    pub near_lo: [f32; 3],
+    /// Nothing.
+    pub padding: u32,
+    /// Upper corner of the box in which an origin is not far.
+    pub near_hi: [f32; 3],
+    /// The value for which origin coordinates next to 0 are taken.
+    pub origin_least: f32,
+}
+
+/// The bit of [`PackedInstance::sides`] for a reflection.
+pub const MIRRORED: u32 = 4;
+
+/// A scene as a device holds it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PackedScene {
+    /// The tree over instances, the root first.
+    pub box_nodes: Vec<PackedTopNode>,
+    /// By the names of instances.
+    pub instances: Vec<PackedInstance>,
+    /// The nodes of all geometries.
+    pub nodes: Vec<KdNode>,
+    /// The references of all geometries.
+    pub references: Vec<u32>,
+    /// The snapped corners of all geometries.
+    pub triangles: Vec<Triangle>,
+}

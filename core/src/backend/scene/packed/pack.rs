@@ -1,0 +1,237 @@
+//! Makes the arrays of a packed scene from a scene that is built.
+
+use alloc::vec::Vec;
+
+use super::{
+    ALWAYS, BOX_COORDINATE_MOST, MIRRORED, MOST_TOP_NODES, PackedInstance, PackedScene,
+    PackedTopNode,
+};
+use crate::backend::scene::built::{BuiltGeometry, BuiltScene};
+use crate::layout::{SceneUniform, culling_bits};
+use crate::scene::{GeometryId, InstanceId, Placement, TOP_NONE, TOP_WIDTH, TopNode};
+use crate::tree::node::{KdNode, NodeKind};
+use crate::triangle::prepare;
+
+/// Why a scene has no packed form.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Unpackable {
+    /// The system has no memory for the arrays.
+    Memory {
+        /// Bytes of all of them.
+        needed: u64,
+    },
+    /// More nodes, references or top nodes than places can be named.
+    TooMany {
+        /// What there are too many of.
+        what: &'static str,
+        /// How many there are.
+        count: u64,
+        /// How many there may be.
+        most: u64,
+    },
+}
+
+/// How long the arrays of a packed scene are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PackedSizes {
+    /// Nodes of the tree over instances.
+    pub top_nodes: usize,
+    /// Names of instances.
+    pub instances: usize,
+    /// Nodes of all geometries.
+    pub nodes: usize,
+    /// References of all geometries.
+    pub references: usize,
+    /// Triangles of all geometries, those dropped included.
+    pub triangles: usize,
+}
+
+impl PackedSizes {
+    /// Bytes of each array: nodes of the tree over instances, instances, nodes, references, corners.
+    pub fn bytes(&self) -> [u64; 5] {
+        [
+            (self.top_nodes * size_of::<PackedTopNode>()) as u64,
+            (self.instances * size_of::<PackedInstance>()) as u64,
+            (self.nodes * size_of::<KdNode>()) as u64,
+            4 * self.references as u64,
+            36 * self.triangles as u64,
+        ]
+    }
+
+    /// With a geometry more.
+    #[must_use]
+    pub(in crate::backend::scene) fn and(mut self, geometry: &BuiltGeometry) -> PackedSizes {
+        let tree = geometry.accelerator.tree();
+        self.nodes += tree.nodes.len();
+        self.references += tree.references.len();
+        self.triangles += tree.triangles as usize;
+        self
+    }
+
+    fn check(&self) -> Result<(), Unpackable> {
+        let most = [
+            ("nodes of geometries", self.nodes, KdNode::MAX_INDEX as usize),
+            ("references of geometries", self.references, u32::MAX as usize),
+            ("triangles of geometries", self.triangles, u32::MAX as usize / 16),
+            ("nodes of the tree over instances", self.top_nodes, MOST_TOP_NODES),
+        ];
+        for (what, count, most) in most {
+            if count > most {
+                let (count, most) = (count as u64, most as u64);
+                return Err(Unpackable::TooMany { what, count, most });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Where the geometries of a scene lie in the shared arrays, by name: the first node, reference and triangle.
+type Places = Vec<[u32; 3]>;
+
+impl BuiltScene {
+    /// How long the arrays of the packed scene are.
+    pub fn packed_sizes(&self) -> PackedSizes {
+        let own = PackedSizes {
+            top_nodes: self.top.nodes().len(),
+            instances: self.placements.len(),
+            ..PackedSizes::default()
+        };
+        self.geometries().fold(own, |sizes, (_, geometry)| sizes.and(geometry))
+    }
+
+    /// The whole scene as a device holds it.
+    ///
+    /// # Errors
+    /// No memory, or more than can be named.
+    pub fn packed(&self) -> Result<PackedScene, Unpackable> {
+        let sizes = self.packed_sizes();
+        sizes.check()?;
+        let mut packed = PackedScene::default();
+        let needed = sizes.bytes().iter().sum();
+        let lacking = |_| Unpackable::Memory { needed };
+        packed.nodes.try_reserve_exact(sizes.nodes).map_err(lacking)?;
+        packed.references.try_reserve_exact(sizes.references).map_err(lacking)?;
+        packed.triangles.try_reserve_exact(sizes.triangles).map_err(lacking)?;
+        for (_, geometry) in self.geometries() {
+            packed.append(geometry);
+        }
+        self.pack_instances(&mut packed)?;
+        Ok(packed)
+    }
+
+    /// Makes the tree over instances and the instances of a packed scene anew: all that depends on where instances are.
+    ///
+    /// # Errors
+    /// As for [`BuiltScene::packed`].
+    pub fn pack_instances(&self, packed: &mut PackedScene) -> Result<(), Unpackable> {
+        let sizes = self.packed_sizes();
+        sizes.check()?;
+        let needed = sizes.bytes()[..2].iter().sum();
+        let lacking = |_| Unpackable::Memory { needed };
+        let places = self.places().ok_or(Unpackable::Memory { needed })?;
+        packed.box_nodes.clear();
+        packed.box_nodes.try_reserve_exact(sizes.top_nodes).map_err(lacking)?;
+        packed.box_nodes.extend(self.top.nodes().iter().map(PackedTopNode::from));
+        packed.instances.clear();
+        packed.instances.try_reserve_exact(sizes.instances).map_err(lacking)?;
+        packed.instances.extend((0..sizes.instances as u32).map(|name| {
+            let placement = self.placement(InstanceId(name));
+            placement.and_then(|own| self.packed_instance(own, &places)).unwrap_or(NOWHERE)
+        }));
+        Ok(())
+    }
+
+    fn places(&self) -> Option<Places> {
+        let mut places = Places::new();
+        places.try_reserve_exact(self.geometries.len()).ok()?;
+        let mut next = PackedSizes::default();
+        for geometry in &self.geometries {
+            places.push([next.nodes, next.references, next.triangles].map(|at| at as u32));
+            if let Some(geometry) = geometry {
+                next = next.and(geometry);
+            }
+        }
+        Some(places)
+    }
+
+    fn packed_instance(&self, own: &Placement, places: &Places) -> Option<PackedInstance> {
+        let name: GeometryId = own.instance.geometry;
+        let geometry = self.geometry(name)?;
+        let [root, _, first_triangle] = *places.get(name.0 as usize)?;
+        let scale = SceneUniform::from(&geometry.scale);
+        let mirrored = if own.space.mirrored { MIRRORED } else { 0 };
+        Some(PackedInstance {
+            inverse: own.space.inverse,
+            mask: own.instance.mask,
+            sides: name.0 << 3 | mirrored | culling_bits(own.instance.culling),
+            root,
+            first_triangle,
+            lo: scale.lo,
+            slack: scale.slack,
+            hi: scale.hi,
+            wide: scale.wide,
+            near_lo: scale.near_lo,
+            padding: 0,
+            near_hi: scale.near_hi,
+            origin_least: scale.origin_least,
+        })
+    }
+}
+
+/// What no ray enters.
+const NOWHERE: PackedInstance = PackedInstance {
+    inverse: [[0.0; 4]; 3],
+    mask: 0,
+    sides: 0,
+    root: 0,
+    first_triangle: 0,
+    lo: [0.0; 3],
+    slack: 0.0,
+    hi: [0.0; 3],
+    wide: 0,
+    near_lo: [0.0; 3],
+    padding: 0,
+    near_hi: [0.0; 3],
+    origin_least: 0.0,
+};
+
+impl PackedScene {
+    /// Adds a geometry behind the others; there is room for it.
+    fn append(&mut self, geometry: &BuiltGeometry) {
+        let tree = geometry.accelerator.tree();
+        let [node, reference, triangle] =
+            [self.nodes.len(), self.references.len(), self.triangles.len()].map(|at| at as u32);
+        self.nodes.extend(tree.nodes.iter().map(|own| match own.kind() {
+            NodeKind::Interior { right, .. } => own.with_right(node + right),
+            NodeKind::Leaf { first, count } => KdNode::leaf(reference + first, count),
+        }));
+        self.references.extend(tree.references.iter().map(|own| triangle + own));
+        let mesh = geometry.mesh.mesh();
+        self.triangles.extend((0..mesh.len()).map(|own| prepare(&mesh.triangle(own)).corners));
+    }
+}
+
+impl From<&TopNode> for PackedTopNode {
+    fn from(node: &TopNode) -> PackedTopNode {
+        let TopNode { lo, hi, reach, children } = *node;
+        let mut packed = PackedTopNode { lo, hi, reach, children };
+        for slot in 0..TOP_WIDTH {
+            let none = children[slot] == TOP_NONE;
+            let within = |sides: &[[f32; TOP_WIDTH]; 3]| {
+                (0..3).all(|axis| sides[axis][slot].abs() <= BOX_COORDINATE_MOST)
+            };
+            if !none && within(&lo) && within(&hi) {
+                continue;
+            }
+            for axis in 0..3 {
+                (packed.lo[axis][slot], packed.hi[axis][slot]) = (0.0, 0.0);
+            }
+            packed.reach[slot] = 0.0;
+            if !none {
+                packed.children[slot] |= ALWAYS;
+            }
+        }
+        packed
+    }
+}

@@ -1,0 +1,53 @@
+"""Settings by name."""
+
+from __future__ import annotations
+
+from typing import Any, Dict, Tuple
+
+import numpy as np
+
+from ._arrays import maybe_whole, memory, text, whole
+from .errors import ConfigError, DtypeError
+
+#: Builders, and the preset that has each.
+BUILDERS = {"median": "fast", "binned": "balanced", "sweep": "best"}
+
+BuildArguments = Tuple[str, Dict[str, int], str, "int | None"]
+Backend = Tuple[str, "str | None"]
+
+
+def build_arguments(preset: Any, layout: Any, max_memory: Any, knobs: dict[str, Any]) -> BuildArguments:
+    """A preset, knobs, a layout and a limit of memory."""
+    builder = knobs.pop("builder", None)
+    if builder is not None:
+        if builder not in BUILDERS:
+            raise ConfigError(f"there is no builder `{builder}`; there are median, binned and sweep")
+        if preset not in ("fast", BUILDERS[builder]):
+            raise ConfigError(f"preset {preset} has another builder than {builder}")
+        preset = BUILDERS[builder]
+    numbers = {}
+    for name, value in knobs.items():
+        if name == "clip" and isinstance(value, (bool, np.bool_)):
+            numbers[name] = int(value)
+        else:
+            numbers[name] = whole(value, name)
+    return text(preset, "preset"), numbers, text(layout, "layout"), memory(max_memory)
+
+
+def backend_arguments(backend: Any, adapter: Any) -> Backend:
+    """A backend and perhaps a device, by name."""
+    return text(backend, "backend"), None if adapter is None else text(adapter, "adapter")
+
+
+def query_arguments(accuracy: Any, culling: Any, ignore: Any) -> tuple[str, str, int | None]:
+    """The settings of a query of a tree."""
+    return text(accuracy, "accuracy"), text(culling, "culling"), maybe_whole(ignore, "ignore")
+
+
+def ignored_instance(ignore: Any) -> tuple[int, int] | None:
+    """A triangle of an instance, or none."""
+    if ignore is None:
+        return None
+    if not isinstance(ignore, (tuple, list)) or len(ignore) != 2:
+        raise DtypeError("ignore must be a pair: an instance and a triangle of it")
+    return whole(ignore[0], "ignore"), whole(ignore[1], "ignore")

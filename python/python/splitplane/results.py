@@ -1,0 +1,202 @@
+"""What queries answer: arrays, by name. Shapes are those of the rays or points that were asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from ._arrays import F32, F64, I32, I64, MISS, U32, Bool
+
+
+class Report(NamedTuple):
+    """How a batch was answered."""
+
+    #: Rays that a device's bounds of error left undecided, and that the CPU answered. 0 on the CPU.
+    undecided: int = 0
+    #: Rays that a device's driver did not follow to their end. 0 on the CPU.
+    unfinished: int = 0
+    #: Rays or points that the CPU answered for a device.
+    answered_by_cpu: int = 0
+    #: How many of the numbers that were given are not float32 and were rounded to it.
+    rounded: int = 0
+
+
+class Summary(NamedTuple):
+    """What a build did."""
+
+    #: Triangles of the mesh.
+    triangles: int
+    #: Triangles left out: a coordinate that is not finite, or two equal corners.
+    dropped: int
+    #: Triangles with a coordinate that counts as 0: -0, or less than 2^-126.
+    snapped: int
+    #: Coordinates that are not float32 and were rounded to it.
+    rounded: int
+    #: Most bytes that the build held at once.
+    peak_bytes: int
+    #: Bytes that queries read.
+    query_bytes: int
+    #: Nodes of the tree.
+    nodes: int
+    #: References to triangles in its leaves.
+    references: int
+
+
+class BackendInfo(NamedTuple):
+    """A backend."""
+
+    #: ``cpu`` or ``wgpu``.
+    name: str
+    #: The GPU's name; none on the CPU.
+    adapter: str | None
+    #: Threads; none on a GPU.
+    threads: int | None
+    #: For instance the instruction set.
+    detail: str
+    #: Why it is this one.
+    reason: str
+
+
+@dataclass(frozen=True)
+class Hits:
+    """The closest hit of each ray: the one of least (t, triangle)."""
+
+    #: Distance in units of the ray's direction, float32; infinity for a miss.
+    t: F32
+    #: Index of the face, uint32; :data:`splitplane.MISS` for a miss.
+    triangle: U32
+    #: Weight of the face's second corner, float32 in [0, 1]: the point is (1 - u - v) a + u b + v c.
+    u: F32
+    #: Weight of the third corner.
+    v: F32
+    report: Report
+
+    @property
+    def hit(self) -> Bool:
+        """Which rays hit something."""
+        return np.asarray(self.triangle != np.uint32(MISS))
+
+
+@dataclass(frozen=True)
+class SceneHits(Hits):
+    """The closest hit of each ray in a scene: the one of least (t, instance, triangle)."""
+
+    #: Names of geometries, uint32; :data:`splitplane.MISS` for a miss.
+    geometry: U32
+    #: Names of instances, uint32; :data:`splitplane.MISS` for a miss.
+    instance: U32
+
+
+@dataclass(frozen=True)
+class Crossings:
+    """All crossings of rays with surfaces, ray by ray in the order of the rays, each ray's nearest first.
+
+    They are exact, and a ray through an edge or a vertex crosses the surface there once.
+    """
+
+    #: Where those of each ray begin, and the number of all: int64 (rays + 1,).
+    starts: I64
+    t: F32
+    triangle: U32
+    u: F32
+    v: F32
+    #: Whether the ray comes from the side from which the corners run counter-clockwise.
+    front: Bool
+    report: Report
+
+    @property
+    def ray(self) -> I64:
+        """The ray of each crossing: its place among all rays, int64."""
+        return np.repeat(np.arange(len(self.starts) - 1, dtype=np.int64), np.diff(self.starts))
+
+    def of(self, ray: int) -> slice:
+        """Where the crossings of a ray stand."""
+        return slice(int(self.starts[ray]), int(self.starts[ray + 1]))
+
+
+@dataclass(frozen=True)
+class SceneCrossings(Crossings):
+    """The same in a scene."""
+
+    geometry: U32
+    instance: U32
+
+
+@dataclass(frozen=True)
+class ClosestPoints:
+    """The closest point of the surface to each point: least (distance, triangle)."""
+
+    #: Distance, float64; infinity where none is within ``max_distance``. NaN nowhere.
+    distance: F64
+    #: Where it is: (..., 3), float32, or float64 where the tree has an origin. NaN where there is none.
+    point: npt.NDArray[np.floating]
+    #: Index of the face, uint32; :data:`splitplane.MISS` where there is none.
+    triangle: U32
+    u: F32
+    v: F32
+    report: Report
+
+    @property
+    def found(self) -> Bool:
+        """Which points have one."""
+        return np.asarray(self.triangle != np.uint32(MISS))
+
+
+@dataclass(frozen=True)
+class SceneClosestPoints(ClosestPoints):
+    """The same in a scene: least (distance, instance, triangle)."""
+
+    geometry: U32
+    instance: U32
+
+
+@dataclass(frozen=True)
+class Located:
+    """Where points lie, decided exactly."""
+
+    #: How often the surface winds around each point, int32: 1 within a closed surface whose corners run counter-clockwise
+    #: as seen from outside. 0 on the surface.
+    winding: I32
+    #: Which points lie on a triangle.
+    boundary: Bool
+    report: Report
+
+    def inside(self, rule: str = "nonzero") -> Bool:
+        """Which points are inside: a winding other than 0 (``nonzero``), or an odd one (``evenodd``). Not those on the surface."""
+        from .errors import ConfigError
+
+        if rule == "nonzero":
+            return np.asarray(self.winding != 0)
+        if rule == "evenodd":
+            return np.asarray(self.winding % 2 != 0)
+        raise ConfigError(f"there is no rule `{rule}`; there are nonzero and evenodd")
+
+
+@dataclass(frozen=True)
+class Neighbours:
+    """The nearest points, least (distance, index) first."""
+
+    #: float64 (..., k); infinity where there is no further point.
+    distance: F64
+    #: uint32 (..., k); :data:`splitplane.MISS` where there is no further point.
+    index: U32
+    #: How many of the numbers that were given are not float32 and were rounded to it.
+    rounded: int
+
+
+@dataclass(frozen=True)
+class NeighbourLists:
+    """All points within a radius, query by query, each query's least (distance, index) first."""
+
+    #: Where those of each query begin, and the number of all: int64 (queries + 1,).
+    starts: I64
+    index: U32
+    distance: F64
+    rounded: int
+
+    def of(self, query: int) -> slice:
+        """Where those of a query stand."""
+        return slice(int(self.starts[query]), int(self.starts[query + 1]))

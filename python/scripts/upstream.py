@@ -1,0 +1,142 @@
+#!/usr/bin/env python3
+"""Runs trimesh's and Open3D's own tests with our classes in place of theirs.
+
+    upstream.py [--trimesh DIRECTORY] [--open3d FILE] [pytest's arguments]
+
+DIRECTORY: a checkout of trimesh with `tests` and `models`, of the version that is installed; FILE: Open3D's
+`python/test/t/geometry/test_raycasting_scene.py`. Without them each is fetched by git, shallowly. What cannot be had is said
+and counts as a failure. Nothing of theirs is copied into this repository. Needs trimesh, scipy, rtree and, for the second,
+open3d.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+TRIMESH = """
+import trimesh
+from trimesh import proximity, ray
+import splitplane.trimesh as ours
+
+ray.ray_triangle.RayMeshIntersector = ours.RayMeshIntersector
+if ray.has_embree:
+    ray.ray_pyembree.RayMeshIntersector = ours.RayMeshIntersector
+proximity.ProximityQuery = ours.ProximityQuery
+
+used = {}
+def counted(cls):
+    for name, method in list(vars(cls).items()):
+        if callable(method) and not name.startswith("_"):
+            def call(self, *args, _name=name, _method=method, **kwargs):
+                used[_name] = used.get(_name, 0) + 1
+                return _method(self, *args, **kwargs)
+            setattr(cls, name, call)
+counted(ours.RayMeshIntersector)
+counted(ours.ProximityQuery)
+
+def pytest_sessionfinish(session, exitstatus):
+    print("\\ncalls of our classes:", used)
+    if not used:
+        session.exitstatus = 1
+"""
+
+OPEN3D = """
+import numpy as np
+import open3d as o3d
+import splitplane.open3d as ours
+
+def tensor(value):
+    return o3d.core.Tensor.from_numpy(np.ascontiguousarray(value))
+
+class RaycastingScene(ours.RaycastingScene):
+    # Only what goes out: Open3D's tensors in place of arrays.
+    used = {}
+def handed_on(name):
+    method = getattr(ours.RaycastingScene, name)
+    def call(self, *args, **kwargs):
+        RaycastingScene.used[name] = RaycastingScene.used.get(name, 0) + 1
+        answer = method(self, *args, **kwargs)
+        if isinstance(answer, dict):
+            return {key: tensor(value) for key, value in answer.items()}
+        return tensor(answer)
+    setattr(RaycastingScene, name, call)
+for name in ("cast_rays", "test_occlusions", "count_intersections", "list_intersections", "compute_closest_points",
+             "compute_distance", "compute_signed_distance", "compute_occupancy"):
+    handed_on(name)
+o3d.t.geometry.RaycastingScene = RaycastingScene
+
+def pytest_sessionfinish(session, exitstatus):
+    print("\\ncalls of our class:", RaycastingScene.used)
+    if not RaycastingScene.used:
+        session.exitstatus = 1
+"""
+
+DEVICES = """
+def list_devices(**_):
+    import open3d as o3d
+    return [o3d.core.Device("CPU:0")]
+"""
+
+
+def fetched(repository: str, tag: str, where: Path) -> Path | None:
+    """A shallow checkout, or none."""
+    url = f"https://github.com/{repository}"
+    command = ["git", "clone", "-q", "--depth", "1", "--branch", tag, url, str(where)]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        print(f"upstream.py: {repository} at {tag} cannot be had: {error}")
+        return None
+    if done.returncode:
+        print(f"upstream.py: {repository} at {tag} cannot be had: {done.stderr.strip()}")
+        return None
+    return where
+
+
+def run(plugin: str, name: str, scratch: Path, tests: list[str], cwd: Path, more: list[str]) -> int:
+    """pytest with a plugin that puts our classes in place."""
+    (scratch / f"{name}.py").write_text(plugin)
+    (scratch / "open3d_test.py").write_text(DEVICES)
+    code = "import sys, pytest; sys.path.insert(0, sys.argv.pop(1)); sys.exit(pytest.main(sys.argv[1:]))"
+    command = [sys.executable, "-c", code, str(scratch), "-p", name, "-p", "no:cacheprovider", "-q", "-s", *more, *tests]
+    return subprocess.run(command, cwd=cwd).returncode
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--trimesh", type=Path)
+    parser.add_argument("--open3d", type=Path)
+    parser.add_argument("--only", choices=["trimesh", "open3d"])
+    arguments, more = parser.parse_known_args()
+    failed = 0
+    with tempfile.TemporaryDirectory() as folder:
+        scratch = Path(folder)
+        if arguments.only != "open3d":
+            import trimesh
+
+            root = arguments.trimesh or fetched("mikedh/trimesh", trimesh.__version__, scratch / "trimesh")
+            if root is None:
+                failed = 1
+            else:
+                tests = ["tests/test_ray.py", "tests/test_proximity.py"]
+                failed |= run(TRIMESH, "with_our_trimesh", scratch, tests, root.resolve(), more)
+        if arguments.only != "trimesh":
+            import open3d
+
+            file = arguments.open3d
+            if file is None:
+                root = fetched("isl-org/Open3D", f"v{open3d.__version__}", scratch / "open3d_source")
+                file = root and root / "python/test/t/geometry/test_raycasting_scene.py"
+            if file is None:
+                failed = 1
+            else:
+                failed |= run(OPEN3D, "with_our_open3d", scratch, [str(file.resolve())], scratch, more)
+    return failed
+
+
+if __name__ == "__main__":
+    sys.exit(main())

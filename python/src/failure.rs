@@ -1,0 +1,135 @@
+//! Errors of the library as exceptions of `splitplane.errors`, with the library's texts.
+
+use pyo3::prelude::*;
+use splitplane::core::tree::file::FileError;
+use splitplane::objects::file::SceneFileError;
+use splitplane::objects::{SceneBuildError, SceneError};
+use splitplane::points::PointBuildError;
+use splitplane::{BuildError, MeshError, OpenError, QueryError};
+
+/// Why a call failed, without anything of Python, so that it can be made while others hold the GIL.
+#[derive(Debug)]
+pub(crate) struct Failure {
+    /// The class in `splitplane.errors`.
+    pub class: &'static str,
+    /// Its text.
+    pub text: String,
+}
+
+impl Failure {
+    pub(crate) fn new(class: &'static str, text: impl Into<String>) -> Failure {
+        Failure { class, text: text.into() }
+    }
+
+    /// Memory for this many things was refused.
+    pub(crate) fn memory(bytes: usize) -> Failure {
+        Failure::new("OutOfMemoryError", format!("the system has no memory for {bytes} bytes"))
+    }
+}
+
+impl From<Failure> for PyErr {
+    fn from(failure: Failure) -> PyErr {
+        Python::attach(|py| {
+            let made = py
+                .import("splitplane.errors")
+                .and_then(|module| module.getattr(failure.class))
+                .and_then(|class| class.call1((failure.text,)));
+            match made {
+                Ok(error) => PyErr::from_value(error),
+                Err(error) => error,
+            }
+        })
+    }
+}
+
+fn build_class(error: &BuildError) -> &'static str {
+    match error {
+        BuildError::Config(_) | BuildError::PresetNotOnDevice { .. } => "ConfigError",
+        BuildError::OutOfMemory { .. } => "OutOfMemoryError",
+        BuildError::Cancelled { .. } => "CancelledError",
+        BuildError::WrongMesh { .. } => "WrongMeshError",
+        BuildError::Device(_) => "DeviceError",
+        _ => "BuildError",
+    }
+}
+
+impl From<BuildError> for Failure {
+    fn from(error: BuildError) -> Failure {
+        Failure::new(build_class(&error), error.to_string())
+    }
+}
+
+impl From<QueryError> for Failure {
+    fn from(error: QueryError) -> Failure {
+        let class = match error {
+            QueryError::LengthMismatch { .. } => "ShapeError",
+            QueryError::OutOfMemory { .. } => "OutOfMemoryError",
+            QueryError::Cancelled { .. } => "CancelledError",
+            QueryError::Unsupported { .. } => "UnsupportedError",
+            QueryError::Device(_) => "DeviceError",
+            _ => "QueryError",
+        };
+        Failure::new(class, error.to_string())
+    }
+}
+
+impl From<MeshError> for Failure {
+    fn from(error: MeshError) -> Failure {
+        Failure::new("MeshError", error.to_string())
+    }
+}
+
+impl From<SceneError> for Failure {
+    fn from(error: SceneError) -> Failure {
+        let class = match error {
+            SceneError::UnknownInstance { .. } | SceneError::UnknownGeometry { .. } => {
+                "UnknownNameError"
+            }
+            SceneError::OutOfMemory { .. } => "OutOfMemoryError",
+            _ => "SceneError",
+        };
+        Failure::new(class, error.to_string())
+    }
+}
+
+impl From<SceneBuildError> for Failure {
+    fn from(error: SceneBuildError) -> Failure {
+        let class = match &error {
+            SceneBuildError::Geometry { error, .. } => build_class(error),
+            SceneBuildError::OutOfMemory { .. } => "OutOfMemoryError",
+            SceneBuildError::Cancelled { .. } => "CancelledError",
+            _ => "SceneError",
+        };
+        Failure::new(class, error.to_string())
+    }
+}
+
+impl From<PointBuildError> for Failure {
+    fn from(error: PointBuildError) -> Failure {
+        let class = match error {
+            PointBuildError::Dimensions { .. } => "ShapeError",
+            PointBuildError::OutOfMemory { .. } => "OutOfMemoryError",
+            PointBuildError::Cancelled { .. } => "CancelledError",
+            _ => "BuildError",
+        };
+        Failure::new(class, error.to_string())
+    }
+}
+
+impl From<FileError> for Failure {
+    fn from(error: FileError) -> Failure {
+        Failure::new("FileError", error.to_string())
+    }
+}
+
+impl From<SceneFileError> for Failure {
+    fn from(error: SceneFileError) -> Failure {
+        Failure::new("FileError", error.to_string())
+    }
+}
+
+impl From<OpenError> for Failure {
+    fn from(error: OpenError) -> Failure {
+        Failure::new("OpenError", error.to_string())
+    }
+}

@@ -1,0 +1,32 @@
+//! The part of the Python package that is compiled: the library's calls on arrays whose dtypes, shapes and strides the
+//! Python part has brought into one form. Nothing here trusts that: whatever comes is checked again.
+
+mod answers;
+mod arrays;
+mod call;
+mod failure;
+mod named;
+mod open;
+mod options;
+mod order;
+mod points;
+mod pool;
+mod rays;
+mod scene;
+mod tree;
+
+use pyo3::prelude::*;
+
+/// The module `splitplane._native`.
+#[pymodule]
+fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<tree::Tree>()?;
+    module.add_class::<scene::Scene>()?;
+    module.add_class::<points::PointTree>()?;
+    module.add_function(wrap_pyfunction!(named::named, module)?)?;
+    module.add_function(wrap_pyfunction!(open::describe, module)?)?;
+    module.add_function(wrap_pyfunction!(open::mesh_digest, module)?)?;
+    module.add("VERSION", env!("CARGO_PKG_VERSION"))?;
+    module.add("GPU", cfg!(feature = "wgpu"))?;
+    Ok(())
+}

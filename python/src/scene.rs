@@ -1,0 +1,462 @@
+//! A scene of many objects: its description, and what is built of it.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, RwLock, RwLockReadGuard, RwLockWriteGuard};
+
+use numpy::{
+    IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
+    PyReadwriteArray1, PyReadwriteArray2,
+};
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use splitplane::objects::file::SceneFile;
+use splitplane::objects::{
+    GeometryId, IgnoredTriangle, Instance, InstanceId, Scene as Description, SceneAccelerator,
+    SceneAllHitsOptions, SceneClosestPoint, SceneClosestPointOptions, SceneHit, SceneOptions,
+    SceneReport, TopUpdate, write_file,
+};
+use splitplane::{BuildOptions, LocateOptions, Mesh, Watch};
+
+use crate::answers::{Columns, Crossings, located};
+use crate::arrays::{flat, reserved, room, room_for_rows, rows};
+use crate::call::{Call, Part};
+use crate::failure::Failure;
+use crate::open::{Opened, open};
+use crate::options::{Counts, accuracy, add, culling};
+use crate::order::ordered;
+use crate::rays::{CHUNK, LimitArgument, Rays};
+use crate::tree::{BuildArguments, build_options, busy};
+
+struct State {
+    description: Description,
+    built: Box<dyn SceneAccelerator>,
+    opened: Arc<Opened>,
+    /// Whether the description was edited since it was built.
+    edited: bool,
+}
+
+/// See `splitplane.Scene`.
+#[pyclass(frozen, module = "splitplane._native")]
+pub(crate) struct Scene {
+    state: RwLock<State>,
+}
+
+/// Accuracy, culling, mask, ignored (instance, triangle).
+type Options = (String, String, u32, Option<(u32, u32)>);
+
+/// Vertices and faces.
+type Arrays<'py> = (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<u32>>);
+
+impl Scene {
+    fn read(&self) -> Result<RwLockReadGuard<'_, State>, Failure> {
+        self.state.try_read().map_err(|_| busy())
+    }
+
+    fn write(&self) -> Result<RwLockWriteGuard<'_, State>, Failure> {
+        self.state.try_write().map_err(|_| busy())
+    }
+
+    /// What is built, which has to be what is described.
+    fn current(&self) -> Result<RwLockReadGuard<'_, State>, Failure> {
+        let state = self.read()?;
+        state.opened.check_process()?;
+        match state.edited {
+            true => Err(Failure::new(
+                "StaleError",
+                "the scene was edited since it was built; call update()",
+            )),
+            false => Ok(state),
+        }
+    }
+}
+
+fn ignored(ignore: Option<(u32, u32)>) -> Option<IgnoredTriangle> {
+    ignore.map(|(instance, triangle)| IgnoredTriangle { instance: InstanceId(instance), triangle })
+}
+
+fn scene_options<'a>((test, side, mask, ignore): &Options) -> Result<SceneOptions<'a>, Failure> {
+    let (accuracy, culling) = (accuracy(test)?, culling(side)?);
+    let (mask, ignore) = (*mask, ignored(*ignore));
+    Ok(SceneOptions { accuracy, culling, mask, ignore, ..SceneOptions::default() })
+}
+
+fn transform(array: &PyReadonlyArray2<'_, f32>) -> Result<[[f32; 4]; 3], Failure> {
+    let rows = rows::<f32, 4>(array, "a transform")?;
+    rows.try_into().map_err(|_| {
+        Failure::new("ShapeError", format!("a transform has {} rows, but must have 3", rows.len()))
+    })
+}
+
+fn add_scene(sum: &mut Counts, report: &SceneReport) {
+    add(sum, &report.geometries);
+}
+
+#[pymethods]
+impl Scene {
+    /// A scene without anything.
+    #[new]
+    fn new(py: Python<'_>, preset: &str, backend: (String, Option<String>)) -> PyResult<Scene> {
+        let config = crate::options::config(preset, &BTreeMap::new())?;
+        let opened = open(py, &backend.0, backend.1.as_deref(), config.preset())?;
+        let description = Description::new();
+        let built = opened.backend.build_scene(&description, &BuildOptions::default());
+        let built = built.map_err(Failure::from)?;
+        Ok(Scene { state: RwLock::new(State { description, built, opened, edited: false }) })
+    }
+
+    /// A scene of the bytes of a scene file.
+    #[staticmethod]
+    fn load(
+        py: Python<'_>,
+        bytes: PyReadonlyArray1<'_, u8>,
+        arguments: BuildArguments,
+        backend: (String, Option<String>),
+        call: Call,
+    ) -> PyResult<Scene> {
+        let options = build_options(&arguments)?;
+        let bytes = flat(&bytes, "the file")?;
+        let opened = open(py, &backend.0, backend.1.as_deref(), options.config.preset())?;
+        let (description, built) = call.run(py, |watcher| {
+            let mut limits = options.for_loading();
+            limits.watch = Some(watcher);
+            Ok(opened.backend.load_scene(&SceneFile::parse(bytes)?, &limits)?)
+        })?;
+        Ok(Scene { state: RwLock::new(State { description, built, opened, edited: false }) })
+    }
+
+    /// The bytes of a scene file.
+    fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let state = self.current()?;
+        let bytes = py.detach(|| write_file(state.built.scene())).map_err(Failure::from)?;
+        Ok(PyBytes::new(py, &bytes))
+    }
+
+    /// Adds a mesh; its name.
+    fn add_geometry(
+        &self,
+        vertices: PyReadonlyArray2<'_, f32>,
+        faces: PyReadonlyArray2<'_, u32>,
+    ) -> PyResult<u32> {
+        let (vertices, faces) = (rows(&vertices, "vertices")?, rows(&faces, "faces")?);
+        let mesh = Mesh::indexed(vertices, faces).map_err(Failure::from)?;
+        let mut state = self.write()?;
+        let geometry = state.description.add_mesh(&mesh).map_err(Failure::from)?;
+        state.edited = true;
+        Ok(geometry.0)
+    }
+
+    /// Gives a geometry another mesh.
+    fn replace_geometry(
+        &self,
+        geometry: u32,
+        vertices: PyReadonlyArray2<'_, f32>,
+        faces: PyReadonlyArray2<'_, u32>,
+    ) -> PyResult<()> {
+        let (vertices, faces) = (rows(&vertices, "vertices")?, rows(&faces, "faces")?);
+        let mesh = Mesh::indexed(vertices, faces).map_err(Failure::from)?;
+        let mut state = self.write()?;
+        state.description.replace_mesh(GeometryId(geometry), &mesh).map_err(Failure::from)?;
+        state.edited = true;
+        Ok(())
+    }
+
+    fn remove_geometry(&self, geometry: u32) -> PyResult<()> {
+        let mut state = self.write()?;
+        state.description.remove_geometry(GeometryId(geometry)).map_err(Failure::from)?;
+        state.edited = true;
+        Ok(())
+    }
+
+    /// Adds an instance; its name.
+    fn add_instance(
+        &self,
+        geometry: u32,
+        matrix: PyReadonlyArray2<'_, f32>,
+        mask: u32,
+        id: u32,
+        side: &str,
+    ) -> PyResult<u32> {
+        let (transform, culling) = (transform(&matrix)?, culling(side)?);
+        let geometry = GeometryId(geometry);
+        let mut state = self.write()?;
+        let instance = Instance { geometry, transform, mask, id, culling };
+        let name = state.description.add_instance(instance).map_err(Failure::from)?;
+        state.edited = true;
+        Ok(name.0)
+    }
+
+    /// Changes what is given of an instance.
+    fn set_instance(
+        &self,
+        instance: u32,
+        geometry: Option<u32>,
+        matrix: Option<PyReadonlyArray2<'_, f32>>,
+        mask: Option<u32>,
+        id: Option<u32>,
+        side: Option<&str>,
+    ) -> PyResult<()> {
+        let mut state = self.write()?;
+        let mut becomes =
+            *state.description.instance(InstanceId(instance)).map_err(Failure::from)?;
+        becomes.geometry = geometry.map_or(becomes.geometry, GeometryId);
+        if let Some(matrix) = &matrix {
+            becomes.transform = transform(matrix)?;
+        }
+        becomes.mask = mask.unwrap_or(becomes.mask);
+        becomes.id = id.unwrap_or(becomes.id);
+        if let Some(side) = side {
+            becomes.culling = culling(side)?;
+        }
+        state.description.set_instance(InstanceId(instance), becomes).map_err(Failure::from)?;
+        state.edited = true;
+        Ok(())
+    }
+
+    fn remove_instance(&self, instance: u32) -> PyResult<()> {
+        let mut state = self.write()?;
+        state.description.remove_instance(InstanceId(instance)).map_err(Failure::from)?;
+        state.edited = true;
+        Ok(())
+    }
+
+    /// An instance: geometry, transform, mask, id.
+    fn instance(&self, instance: u32) -> PyResult<(u32, [[f32; 4]; 3], u32, u32)> {
+        let state = self.read()?;
+        let own = state.description.instance(InstanceId(instance)).map_err(Failure::from)?;
+        Ok((own.geometry.0, own.transform, own.mask, own.id))
+    }
+
+    /// The names of all instances.
+    fn instances(&self) -> PyResult<Vec<u32>> {
+        Ok(self.read()?.description.instances().map(|(name, _)| name.0).collect())
+    }
+
+    /// The names of all geometries.
+    fn geometries(&self) -> PyResult<Vec<u32>> {
+        Ok(self.read()?.description.geometries().map(|(name, _)| name.0).collect())
+    }
+
+    /// The arrays of a geometry.
+    fn mesh<'py>(&self, py: Python<'py>, geometry: u32) -> PyResult<Arrays<'py>> {
+        let state = self.read()?;
+        let mesh = state.description.geometry(GeometryId(geometry)).map_err(Failure::from)?;
+        let (positions, indices) = mesh.mesh().arrays();
+        let faces: Vec<u32> = match indices {
+            Some(indices) => indices.as_flattened().to_vec(),
+            None => (0..positions.len() as u32).collect(),
+        };
+        let vertices = PyArray1::from_slice(py, positions.as_flattened());
+        Ok((
+            vertices.reshape([positions.len(), 3])?,
+            faces.into_pyarray(py).reshape([mesh.mesh().len(), 3])?,
+        ))
+    }
+
+    /// Whether the scene was edited since it was built.
+    fn edited(&self) -> PyResult<bool> {
+        Ok(self.read()?.edited)
+    }
+
+    /// Brings what is built up to date. What was done, by name.
+    fn update(
+        &self,
+        py: Python<'_>,
+        arguments: BuildArguments,
+        call: Call,
+    ) -> PyResult<BTreeMap<&'static str, u64>> {
+        let options = build_options(&arguments)?;
+        let mut state = self.write()?;
+        let State { description, built, opened, edited } = &mut *state;
+        opened.check_process()?;
+        let report = call.run(py, |watcher| {
+            let options = BuildOptions { watch: Some(watcher), ..options };
+            Ok(opened.backend.update_scene(&mut **built, description, &options)?)
+        })?;
+        *edited = false;
+        Ok(BTreeMap::from([
+            ("geometries_built", u64::from(report.geometries_built)),
+            ("geometries_dropped", u64::from(report.geometries_dropped)),
+            ("instances_changed", u64::from(report.instances_changed)),
+            ("top_nodes_changed", report.top_nodes_changed),
+            ("top_rebuilt", u64::from(report.top == TopUpdate::Rebuilt)),
+        ]))
+    }
+
+    fn digest(&self) -> PyResult<String> {
+        Ok(self.current()?.built.scene().digest().to_string())
+    }
+
+    /// The backend, and why it is this one.
+    fn backend(&self) -> PyResult<(String, String)> {
+        let state = self.read()?;
+        Ok((state.opened.name.clone(), state.opened.reason.clone()))
+    }
+
+    /// See `splitplane.Scene.closest_hits`.
+    #[expect(clippy::too_many_arguments, reason = "what Python hands over, argument by argument")]
+    fn closest_hits(
+        &self,
+        py: Python<'_>,
+        rays: PyReadonlyArray2<'_, f32>,
+        limits: (LimitArgument<'_>, LimitArgument<'_>),
+        options: Options,
+        numbers: (
+            PyReadwriteArray1<'_, f32>,
+            PyReadwriteArray1<'_, f32>,
+            PyReadwriteArray1<'_, f32>,
+        ),
+        names: (PyReadwriteArray1<'_, u32>, PyReadwriteArray1<'_, u32>, PyReadwriteArray1<'_, u32>),
+        call: Call,
+    ) -> PyResult<Counts> {
+        let ((mut t, mut u, mut v), (mut triangle, mut geometry, mut instance)) = (numbers, names);
+        let rays = Rays::new(&rays, &limits.0, &limits.1)?;
+        let options = scene_options(&options)?;
+        let (total, state) = (rays.len(), self.current()?);
+        let (t, u, v) = (room(&mut t, total)?, room(&mut u, total)?, room(&mut v, total)?);
+        let (triangle, geometry) = (room(&mut triangle, total)?, room(&mut geometry, total)?);
+        let (instance, built) = (room(&mut instance, total)?, &state.built);
+        call.run(py, |watcher| {
+            let mut sum = Counts::default();
+            let mut hits = reserved(total.min(CHUNK), SceneHit::MISS)?;
+            rays.in_chunks(CHUNK, |rays, first| {
+                let hits = &mut hits[..rays.len()];
+                let watch = Part { watcher, first, total };
+                let options = SceneOptions { watch: Some(&watch), ..options };
+                add_scene(&mut sum, &built.closest_hits(rays, hits, &options)?);
+                for (place, hit) in (first..).zip(&*hits) {
+                    (t[place], u[place], v[place]) = (hit.t, hit.u, hit.v);
+                    (triangle[place], geometry[place]) = (hit.triangle, hit.geometry);
+                    instance[place] = hit.instance;
+                }
+                Ok(())
+            })?;
+            Ok(sum)
+        })
+    }
+
+    /// See `splitplane.Scene.any_hits`.
+    fn any_hits(
+        &self,
+        py: Python<'_>,
+        rays: PyReadonlyArray2<'_, f32>,
+        limits: (LimitArgument<'_>, LimitArgument<'_>),
+        options: Options,
+        mut occluded: PyReadwriteArray1<'_, bool>,
+        call: Call,
+    ) -> PyResult<Counts> {
+        let rays = Rays::new(&rays, &limits.0, &limits.1)?;
+        let options = scene_options(&options)?;
+        let (total, state) = (rays.len(), self.current()?);
+        let (occluded, built) = (room(&mut occluded, total)?, &state.built);
+        call.run(py, |watcher| {
+            let mut sum = Counts::default();
+            rays.in_chunks(CHUNK, |rays, first| {
+                let watch = Part { watcher, first, total };
+                let options = SceneOptions { watch: Some(&watch), ..options };
+                let occluded = &mut occluded[first..first + rays.len()];
+                add_scene(&mut sum, &built.any_hits(rays, occluded, &options)?);
+                Ok(())
+            })?;
+            Ok(sum)
+        })
+    }
+
+    /// See `splitplane.Scene.all_hits`.
+    fn all_hits<'py>(
+        &self,
+        py: Python<'py>,
+        rays: PyReadonlyArray2<'py, f32>,
+        limits: (LimitArgument<'py>, LimitArgument<'py>),
+        options: Options,
+        max_memory: Option<u64>,
+        call: Call,
+    ) -> PyResult<Crossings<'py>> {
+        let rays = Rays::new(&rays, &limits.0, &limits.1)?;
+        let options = scene_options(&options)?;
+        let state = self.current()?;
+        let built = &state.built;
+        let (columns, counts) = call.run(py, |watcher| {
+            let query = SceneOptions { watch: Some(watcher), ..options };
+            let (mut columns, mut sum) = (Columns::default(), Counts::default());
+            rays.in_chunks(usize::MAX, |rays, _| {
+                let all = built.all_hits(rays, &SceneAllHitsOptions { query, max_memory })?;
+                add(&mut sum, &all.report);
+                columns = Columns::of(&all.starts, &all.crossings)?;
+                Ok(())
+            })?;
+            Ok((columns, sum))
+        })?;
+        Ok(columns.into_arrays(py, counts))
+    }
+
+    /// See `splitplane.Scene.locate`.
+    fn locate(
+        &self,
+        py: Python<'_>,
+        points: PyReadonlyArray2<'_, f32>,
+        max_memory: Option<u64>,
+        mut winding: PyReadwriteArray1<'_, i32>,
+        mut boundary: PyReadwriteArray1<'_, bool>,
+        call: Call,
+    ) -> PyResult<Counts> {
+        let points = rows(&points, "points")?;
+        let state = self.current()?;
+        let (winding, boundary) =
+            (room(&mut winding, points.len())?, room(&mut boundary, points.len())?);
+        let built = &state.built;
+        call.run(py, |watcher| {
+            let ask = |points: &[[f32; 3]], watch: &dyn Watch| {
+                built.locate(points, &LocateOptions { max_memory, watch: Some(watch) })
+            };
+            located(points, winding, boundary, watcher, ask)
+        })
+    }
+
+    /// See `splitplane.Scene.closest_points`.
+    #[expect(clippy::too_many_arguments, reason = "what Python hands over, argument by argument")]
+    fn closest_points(
+        &self,
+        py: Python<'_>,
+        points: PyReadonlyArray2<'_, f32>,
+        options: (f32, u32, Option<(u32, u32)>),
+        mut squared: PyReadwriteArray1<'_, f64>,
+        mut closest: PyReadwriteArray2<'_, f32>,
+        names: (PyReadwriteArray1<'_, u32>, PyReadwriteArray1<'_, u32>, PyReadwriteArray1<'_, u32>),
+        weights: (PyReadwriteArray1<'_, f32>, PyReadwriteArray1<'_, f32>),
+        call: Call,
+    ) -> PyResult<Counts> {
+        let ((mut u, mut v), (mut triangle, mut geometry, mut instance)) = (weights, names);
+        let points = rows::<f32, 3>(&points, "points")?;
+        let (max_distance, mask, ignore) = options;
+        let (total, state, ignore) = (points.len(), self.current()?, ignored(ignore));
+        let (squared, closest) =
+            (room(&mut squared, total)?, room_for_rows::<f32, 3>(&mut closest, total)?);
+        let (triangle, geometry) = (room(&mut triangle, total)?, room(&mut geometry, total)?);
+        let (instance, u, v) =
+            (room(&mut instance, total)?, room(&mut u, total)?, room(&mut v, total)?);
+        let built = &state.built;
+        call.run(py, |watcher| {
+            let mut sum = Counts::default();
+            let mut found = reserved(total.min(CHUNK), SceneClosestPoint::NONE)?;
+            for first in (0..total).step_by(CHUNK) {
+                let here = first..total.min(first + CHUNK);
+                let found = &mut found[..here.len()];
+                let part = Part { watcher, first, total };
+                let watch: Option<&dyn Watch> = Some(&part);
+                let options = SceneClosestPointOptions { max_distance, mask, ignore, watch };
+                let given = &points[here.clone()];
+                let ordered = ordered(given)?;
+                let asked = ordered.as_ref().map_or(given, |ordered| &ordered.points[..]);
+                add(&mut sum, &built.closest_points(asked, found, &options)?);
+                for (number, found) in found.iter().enumerate() {
+                    let own = ordered.as_ref().map_or(number, |own| own.places[number] as usize);
+                    let place = first + own;
+                    (squared[place], closest[place]) = (found.distance_squared, found.point);
+                    (triangle[place], u[place], v[place]) = (found.triangle, found.u, found.v);
+                    (geometry[place], instance[place]) = (found.geometry, found.instance);
+                }
+            }
+            Ok(sum)
+        })
+    }
+}

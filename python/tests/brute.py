@@ -1,0 +1,71 @@
+"""Answers by brute force in float64, which share nothing with the library."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def sphere(around: int, down: int) -> tuple[np.ndarray, np.ndarray]:
+    """A closed unit sphere of (down - 1) * around * 2 faces, corners counter-clockwise as seen from outside."""
+    rows = [[0.0, 0.0, 1.0]]
+    for i in range(1, down):
+        for j in range(around):
+            theta, phi = np.pi * i / down, 2 * np.pi * j / around
+            rows.append([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
+    rows.append([0.0, 0.0, -1.0])
+    last, faces = len(rows) - 1, []
+    for j in range(around):
+        k = (j + 1) % around
+        faces.append([0, 1 + j, 1 + k])
+        for i in range(down - 2):
+            a, b = 1 + i * around, 1 + (i + 1) * around
+            faces += [[a + j, b + j, b + k], [a + j, b + k, a + k]]
+        bottom = 1 + (down - 2) * around
+        faces.append([last, bottom + k, bottom + j])
+    return np.asarray(rows, np.float32), np.asarray(faces, np.uint32)
+
+
+def hits_brute(vertices: np.ndarray, faces: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """t and triangle of the closest hits, and the number of hits, of each ray."""
+    a, b, c = (np.asarray(vertices, float)[faces[:, k]] for k in range(3))
+    e, f = b - a, c - a
+    ts, triangles, counts = [], [], []
+    for ray in np.asarray(rays, float):
+        o, d = ray[:3], ray[3:]
+        p = np.cross(d, f)
+        det = (e * p).sum(1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            s = o - a
+            u = (s * p).sum(1) / det
+            q = np.cross(s, e)
+            v = (q @ d) / det
+            t = (f * q).sum(1) / det
+        hit = (det != 0) & (u >= 0) & (v >= 0) & (u + v <= 1) & (t >= 0)
+        counts.append(int(hit.sum()))
+        t = np.where(hit, t, np.inf)
+        triangles.append(int(t.argmin()))
+        ts.append(t.min())
+    return np.array(ts), np.array(triangles), np.array(counts)
+
+
+def closest_brute(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """The distance of each point from the nearest triangle: to its plane where the foot is within, else to its edges."""
+    a, b, c = (np.asarray(vertices, float)[faces[:, k]] for k in range(3))
+    best = []
+    for point in np.asarray(points, float):
+        normal = np.cross(b - a, c - a)
+        squared = (normal**2).sum(1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            height = ((point - a) * normal).sum(1) / squared
+            foot = point - height[:, None] * normal
+            within = squared > 0
+            for p, q in ((a, b), (b, c), (c, a)):
+                within &= (np.cross(q - p, foot - p) * normal).sum(1) >= 0
+        distance = np.where(within, np.abs(height) * np.sqrt(squared), np.inf)
+        for p, q in ((a, b), (b, c), (c, a)):
+            edge = q - p
+            with np.errstate(divide="ignore", invalid="ignore"):
+                s = np.nan_to_num(((point - p) * edge).sum(1) / (edge**2).sum(1)).clip(0, 1)
+            distance = np.minimum(distance, np.linalg.norm(p + s[:, None] * edge - point, axis=1))
+        best.append(distance.min())
+    return np.array(best)

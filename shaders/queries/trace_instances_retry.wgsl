@@ -1,0 +1,20 @@
+// The closest hit, or any, of every ray that `trace_instances` deferred, with the instance that it has entered.
+// One invocation a ray; those beyond the list do nothing.
+// Reads: the instances; nodes, references and corners of their geometries; the rays of the batch, what they have entered, and
+// their best hits so far; the deferred rays.
+// Writes: hits, as `trace_instances` does; no ray is deferred again.
+// Ties: among equal `t` the lower instance, then the lower triangle index.
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) workgroup: vec3<u32>,
+    @builtin(num_workgroups) workgroups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let place = ray_index(workgroup, workgroups, local);
+    if place >= deferred_count() {
+        return;
+    }
+    let index = deferred_rays[1u + place];
+    let traced = trace_entered(index, ways[index]);
+}
