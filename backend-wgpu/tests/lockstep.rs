@@ -182,8 +182,8 @@ fn planted_faults_are_named() {
         (K::EmitTop, "<< 2u) | node.kind", "<< 2u) | 0u"),
         (
             K::EmitSmall,
-            "put_reference(first, own_triangles",
-            "put_reference(2u * emitted.y + count - 1u - first, own_triangles",
+            "put_half(mask.y, first + countOneBits(mask.x), true)",
+            "put_half(mask.y, first, true)",
         ),
     ]
     .map(|(kernel, text, fault)| (kernel, text, fault, fast));
