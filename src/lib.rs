@@ -60,6 +60,7 @@
 //! | get all hits of a ray, or count them | [`Accelerator::all_hits`] |
 //! | find out whether points are inside a mesh | [`Accelerator::locate`] |
 //! | find the closest point of a mesh, or its signed distance | [`Accelerator::closest_points`], [closest points] |
+//! | find what meets a box, a ball, a capsule, a frustum, another mesh | [`Accelerator::overlaps`], [overlaps] |
 //! | find the nearest of a cloud of points | [`points`] |
 //! | trace shadow rays and reflections | [shadows], [choose an accuracy] |
 //! | save and load a tree, pin it in a test | [`core::tree::file`], [`Backend::load`], [`Digest`], [keep a tree] |
@@ -81,6 +82,7 @@
 //! [choose an accuracy]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/accuracy.md
 //! [keep a tree]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/keep.md
 //! [closest points]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/near.md
+//! [overlaps]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/overlaps.md
 //! [custom queries]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/query.md
 //! [custom backends]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/own_backend.md
 //! [custom executors]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/executor.md
@@ -91,6 +93,7 @@
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
 pub mod backend;
+mod lazy;
 pub mod points;
 
 pub use backend::{BackendKind, OpenError, OpenOptions, Opened};
@@ -132,6 +135,7 @@ pub use splitplane_wgpu as gpu;
 /// Scenes of many objects: a description, and what answers rays through it. (Scenes from files, with materials and
 /// lights, are in the module `scene`.)
 pub mod objects {
+    pub use crate::lazy::{LazyError, LazyScene};
     pub use splitplane_core::backend::scene::*;
     pub use splitplane_core::scene::*;
 }
@@ -152,9 +156,11 @@ mod guide {
         backend,
         cancel,
         executor,
+        first,
         keep,
         near,
         no_std,
+        overlaps,
         own_backend,
         query,
         rebuild,

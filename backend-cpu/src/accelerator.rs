@@ -8,7 +8,7 @@ mod windings;
 
 use core::any::Any;
 use std::collections::TryReserveError;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
@@ -27,6 +27,7 @@ use splitplane_core::triangle::Triangle;
 use splitplane_core::watch::Stage;
 
 use crate::cancel::{ProgressMeter, UNWATCHED, WORK_BETWEEN_CHECKS};
+use crate::clock::Stopwatch;
 use crate::layout::limits;
 use crate::layout::scratch::{LayoutScratch, LayoutSource};
 use crate::layout::tree_layout::TreeLayout;
@@ -41,7 +42,7 @@ const TASK: usize = 4096;
 /// Initial number of rays between two calls of the watch.
 const FIRST: usize = 16;
 /// With a watch, a part that takes longer is followed by one of half as many rays, one that takes
-/// half of it by one of twice as many.
+/// half of it by one of twice as many. Without a clock all parts stay as short as the first.
 const TOO_LONG: Duration = Duration::from_millis(2);
 
 /// A tree over a mesh on the CPU.
@@ -181,13 +182,13 @@ impl CpuAccelerator {
                 let mut next = 0;
                 while next < rays.len() && !meter.is_cancelled() {
                     let some = next..rays.len().min(next + *count);
-                    let since = meter.is_watched().then(Instant::now);
+                    let stopwatch = meter.is_watched().then(Stopwatch::start);
                     let rays = &rays[some.clone()];
                     let batch = RayBatch { layout, scene, rays, options, query: T::QUERY };
                     let answers = T::answers(&mut answers[some.clone()]);
                     // SAFETY: as for one ray.
                     unsafe { self.set.run(Stream { batch, answers }) }?;
-                    match since.map(|since| since.elapsed()) {
+                    match stopwatch.and_then(|stopwatch| stopwatch.elapsed()) {
                         Some(took) if took > TOO_LONG => *count = (*count / 2).max(1),
                         Some(took) if took < TOO_LONG / 2 => *count = (*count * 2).min(TASK),
                         _ => {}

@@ -1,6 +1,6 @@
 //! Why a run ends before it is done: a sentence and an exit code.
 
-use splitplane::objects::{SceneBuildError, SceneError as ObjectsError};
+use splitplane::objects::{SceneBuildError, SceneError as ObjectsError, SceneWriteError};
 use splitplane::picture::PictureError;
 use splitplane::points::PointBuildError;
 use splitplane::render::{PlanError, RenderError};
@@ -127,6 +127,15 @@ impl From<SceneBuildError> for Failure {
     }
 }
 
+impl From<SceneWriteError> for Failure {
+    fn from(error: SceneWriteError) -> Failure {
+        match error {
+            SceneWriteError::Build(error) => error.into(),
+            error => Failure::file(error.to_string()),
+        }
+    }
+}
+
 impl From<PointBuildError> for Failure {
     fn from(error: PointBuildError) -> Failure {
         let code = match &error {
@@ -235,10 +244,6 @@ impl From<TracerError> for Failure {
         match error {
             TracerError::Build(error) => error.into(),
             TracerError::Scene(error) => error.into(),
-            TracerError::Render(RenderError::NoCosts) => Failure::usage(format!(
-                "{}; leave --heatmap and the costs of --aov out",
-                RenderError::NoCosts
-            )),
             TracerError::Render(RenderError::Query(error)) => error.into(),
             TracerError::Render(error) => {
                 let code = match &error {

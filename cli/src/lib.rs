@@ -18,6 +18,7 @@ mod look;
 mod mesa;
 pub mod npy;
 mod objects;
+mod objects_built;
 mod objects_report;
 mod options;
 mod output;
@@ -29,6 +30,7 @@ mod prepared;
 mod probe;
 mod progress;
 mod query;
+mod query_objects;
 pub mod ray_file;
 mod render;
 mod shell;
@@ -38,6 +40,7 @@ mod table;
 mod trade;
 mod tree;
 mod verify;
+mod verify_objects;
 #[cfg(feature = "viewer")]
 mod view;
 
@@ -46,7 +49,7 @@ use std::process::ExitCode;
 
 /// SAH kd-trees for ray tracing: pictures, trees, ray queries and checks.
 ///
-/// Without a verb, renders. SCENE is the path of an .obj file, a .json scene file, or builtin:NAME[:SIZE].
+/// Without a verb, renders. SCENE is the path of an .obj file, a .json or .scene file of many objects, or builtin:NAME[:SIZE].
 #[derive(Parser)]
 #[command(name = "splitplane", version, args_conflicts_with_subcommands = true)]
 #[command(after_help = EXIT_CODES)]
@@ -129,8 +132,11 @@ impl Cli {
 
 const EXIT_CODES: &str = "\
 Built-in scenes: builtin:cornell, builtin:spheres, builtin:stadium, builtin:gallery,
-builtin:carousel[:TRIANGLES], builtin:city[:TRIANGLES]; and of many objects, for render and
-animate, builtin:forest[:OBJECTS], builtin:flock[:BIRDS]
+builtin:carousel[:TRIANGLES], builtin:city[:TRIANGLES]; and of many objects
+builtin:forest[:OBJECTS], builtin:flock[:BIRDS]
+
+Scenes of many objects (these, .json files, and .scene files that build writes) are for render,
+animate, view, build, query and verify; other verbs take one mesh.
 
 Exit codes: 0 done; 1 a check failed; 2 wrong usage; 3 a file cannot be read or written; 4 a limit \
 of memory or size binds; 5 a GPU was asked for and there is none that can be used; 6 the device \

@@ -1,5 +1,6 @@
 //! The seam between backends: object-safe traits at batch level.
 
+mod count;
 mod locate;
 mod options;
 #[cfg(target_has_atomic = "ptr")]
@@ -26,6 +27,7 @@ use crate::watch::Watch;
 use alloc::boxed::Box;
 use core::any::Any;
 
+use count::count_by_all_hits;
 pub use locate::locate_along;
 pub use options::{BuildOptions, LoadOptions, QueryLayout};
 #[cfg(target_has_atomic = "ptr")]
@@ -238,6 +240,22 @@ pub trait Accelerator: Send + Sync {
     /// More memory than the options allow or than the system has, a watch that cancels the batch,
     /// or a device that fails.
     fn all_hits(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> Result<AllHits, QueryError>;
+
+    /// How many crossings [`Accelerator::all_hits`] has of every ray, without them. After an error `counts` holds the answers
+    /// to some of the rays, and nothing says which: do not use it.
+    ///
+    /// The default asks for all hits, of 4,096 rays at a time. The memory that the options allow is that of such a part.
+    ///
+    /// # Errors
+    /// `rays` and `counts` of different length, and as for [`Accelerator::all_hits`].
+    fn count_hits(
+        &self,
+        rays: &[Ray],
+        counts: &mut [u32],
+        options: &AllHitsOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        count_by_all_hits(self, rays, counts, options)
+    }
 
     /// Where points lie relative to the surface that the triangles form: see [`query::inside`](crate::query::inside).
     ///

@@ -248,7 +248,18 @@ impl Accelerator for WgpuAccelerator {
         self.find_all_hits(rays, options)
     }
 
-    /// As all hits: the device lists the triangles, and the host decides.
+    /// The device counts the crossings of which it is certain. The other rays are asked for all hits.
+    fn count_hits(
+        &self,
+        rays: &[Ray],
+        counts: &mut [u32],
+        options: &AllHitsOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.find_counts(rays, counts, options)
+    }
+
+    /// The device counts windings where it is certain of all crossings. Of the other points it lists the triangles, and the
+    /// host decides.
     fn locate(
         &self,
         points: &[[f32; 3]],

@@ -12,6 +12,8 @@ mod asked;
 mod batch;
 mod closest_points;
 mod compressed;
+mod compressing;
+mod counts;
 mod error;
 mod held;
 mod layout;
@@ -30,6 +32,8 @@ mod windings;
 
 pub use accelerator::WgpuAccelerator;
 pub use batch::Marked;
+#[doc(hidden)]
+pub use compressing::{CompressExecutor, Compressing};
 pub use error::DeviceQueryError;
 pub use layout::UNFINISHED;
 pub use pipelines::Queries;
