@@ -106,6 +106,7 @@ pub use splitplane_core::mesh::{Mesh, MeshError};
 pub use splitplane_core::query::all_hits::{AllHits, AllHitsOptions, Crossing};
 pub use splitplane_core::query::along::LeafAlong;
 pub use splitplane_core::query::best_first::LeafCell;
+pub use splitplane_core::query::cast::{Cast, CastOptions, Impact};
 pub use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions};
 pub use splitplane_core::query::inside::{LocateOptions, Located, Location, Rule};
 pub use splitplane_core::query::overlap::{OverlapOptions, Overlaps, Plane, Volume};
