@@ -62,6 +62,7 @@
 //! | find the closest point of a mesh, or its signed distance | [`Accelerator::closest_points`], [closest points] |
 //! | find the nearest of a cloud of points | [`points`] |
 //! | trace shadow rays and reflections | [shadows], [choose an accuracy] |
+//! | make pictures with light by paths and photons | [light by paths and photons] |
 //! | save and load a tree, pin it in a test | [`core::tree::file`], [`Backend::load`], [`Digest`], [keep a tree] |
 //! | filter triangles, write your own query | [`KdTree::visit_along`], [`KdTree::find_best`], [custom queries] |
 //! | write your own backend or executor | [`Backend`], [custom backends], [custom executors] |
@@ -81,6 +82,7 @@
 //! [choose an accuracy]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/accuracy.md
 //! [keep a tree]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/keep.md
 //! [closest points]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/near.md
+//! [light by paths and photons]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/light.md
 //! [custom queries]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/query.md
 //! [custom backends]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/own_backend.md
 //! [custom executors]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/executor.md
@@ -160,6 +162,9 @@ mod guide {
         scenes,
         start
     );
+
+    #[cfg(all(feature = "render", feature = "scene"))]
+    pages!(light);
 
     #[cfg(feature = "wgpu")]
     pages!(shader);

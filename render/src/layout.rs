@@ -18,8 +18,8 @@ pub struct Path {
     /// The density with which a sample of the environment would have chosen that direction.
     pub sky_density: f32,
     /// What it met before, where photons are looked up: 0 nothing but mirrors and clear bodies, 1 a surface that scattered it evenly, and
-    /// nothing since, 2 a mirror or clear body since. Of a photon: 0 nothing, 1 only mirrors and clear bodies, 2 a surface that scattered it
-    /// evenly.
+    /// nothing since, 2 a mirror or clear body since, 3 photons, so that it sees lights alone. Of a photon: 0 nothing, 1 only mirrors and clear
+    /// bodies, 2 a surface that scattered it evenly.
     pub history: u32,
 }
 

@@ -11,6 +11,9 @@
 #![cfg_attr(docsrs, feature(doc_cfg))]
 #![cfg_attr(not(feature = "cpu"), allow(dead_code, reason = "the shading of the CPU's kernels"))]
 
+#[cfg(test)]
+extern crate self as splitplane_render;
+
 mod bsdf;
 mod camera;
 #[cfg(feature = "cpu")]
@@ -32,6 +35,8 @@ pub mod picture;
 mod plan;
 mod plane;
 mod planted;
+#[cfg(all(test, feature = "cpu"))]
+mod planted_tests;
 mod random;
 pub mod scene_data;
 mod scene_words;

@@ -2,7 +2,8 @@
 //! clear body. Path tracing has one part, the whole.
 //!
 //! No light is counted twice. Let a path have left the eye through mirrors and clear bodies only. Where photons are looked up at its first
-//! surface that scatters evenly (`Gather::Maps`), the path ends there, but for the mirror. Where it goes on (`Gather::Final`), what it finds by one more
+//! surface that scatters evenly (`Gather::Maps`), the path ends there, but for the mirror, and for one ray where surfaces shine: it weighs
+//! with samples of them as in path tracing, and sees nothing else. Where it goes on (`Gather::Final`), what it finds by one more
 //! bounce is direct light and the light of photons; and what it finds in a mirror or clear body after that bounce is a caustic, which photons bring to the first surface.
 
 use crate::bsdf::{Bsdf, Scattered};
@@ -15,6 +16,8 @@ use crate::vector::{Vector, add, scaled};
 pub(crate) const FROM_EYE: u32 = 0;
 pub(crate) const SCATTERED: u32 = 1;
 pub(crate) const BENT: u32 = 2;
+/// It has met photons and was scattered once more, to find lights that samples of them find badly: all else counts already.
+pub(crate) const LAST: u32 = 3;
 
 /// [`Frame::transport`] of path tracing, and of photons that are looked up at the first surface; the next number is that of final gathering.
 pub(crate) const PATHS: u32 = LightTransport::Paths as u32;
@@ -63,12 +66,11 @@ impl Lobes {
         let from_eye = path.history == FROM_EYE;
         let history = if from_eye { FROM_EYE } else { BENT };
         let (even, mirror) = (bsdf.even(), bsdf.mirror());
-        let mut shares = shares(&bsdf);
-        if ends(frame, path) {
-            shares = [0.0, 1.0];
-        }
+        let ends = ends(frame, path);
+        let shares = if ends && frame.emitters == 0 { [0.0, 1.0] } else { shares(&bsdf) };
+        let scattered = if ends { LAST } else { SCATTERED };
         Lobes([
-            even.map(|bsdf| Lobe { bsdf, probability: shares[0], lit: true, history: SCATTERED }),
+            even.map(|bsdf| Lobe { bsdf, probability: shares[0], lit: true, history: scattered }),
             mirror.map(|bsdf| Lobe { bsdf, probability: shares[1], lit: from_eye, history }),
         ])
     }

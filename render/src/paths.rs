@@ -8,7 +8,7 @@ use crate::bsdf::{Bsdf, Scattered};
 use crate::environment;
 use crate::layout::{Frame, Path, Surface};
 use crate::lighting::{shining_point, solid_angle};
-use crate::lobes::{Lobes, PATHS, ends, is_caustic, share};
+use crate::lobes::{LAST, Lobes, PATHS, ends, is_caustic, share};
 use crate::plane::start;
 use crate::planted::{Fault, is_planted};
 use crate::random::{Use, key, pair, words};
@@ -55,6 +55,9 @@ pub(crate) fn shade(
             own = share(frame, path.density * solid_angle(area, hit.t, cosine), other);
         }
         surface.light = scaled(mul(path.weight, emission), own);
+    }
+    if path.history == LAST {
+        return surface;
     }
     let bsdf = Bsdf::of(scene, &surface);
     if frame.transport != PATHS && greatest(bsdf.diffuse) > 0.0 {

@@ -229,7 +229,7 @@ impl Plan {
         let scattered = match self.settings.light {
             LightTransport::Direct => false,
             LightTransport::Paths => true,
-            LightTransport::Photons => self.settings.gather == Gather::Final,
+            LightTransport::Photons => self.gathers() || self.needs.emitters > 0,
         };
         let bounces = self.needs.mirrors || self.needs.dielectrics || scattered;
         self.outputs.shades() && bounces && self.settings.depth > 0

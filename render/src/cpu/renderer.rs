@@ -94,7 +94,9 @@ impl CpuRenderer {
             let (counters, tracing) = (*executor.counters(), executor.tracing());
             self.photons = executor.photons();
             if counters[Counter::Overflow] == 0 {
-                return Ok(FrameStats::new(plan, &counters, Some(tracing)));
+                let photon_rays = self.photons.map_or(0, |photons| photons.rays);
+                let stats = FrameStats::new(plan, &counters, Some(tracing));
+                return Ok(FrameStats { photon_rays, ..stats });
             }
             plan = plan.halved().ok_or(RenderError::PixelTooDeep {
                 paths: plan.path_room(),
