@@ -204,6 +204,7 @@ fn photons_are_like_paths(world: &World, camera: Pinhole, size: Size, bias: f64)
             gather,
             photons: 60_000,
             neighbours: 24,
+            samples: 16,
             passes: 6,
             ..settings()
         };
