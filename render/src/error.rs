@@ -58,9 +58,6 @@ pub enum RenderError {
         /// Triangles of the mesh.
         triangles: u32,
     },
-    /// Costs of rays through a scene of instances: they count nodes of one tree.
-    #[error("costs of rays are counted in the tree of one mesh; a scene of instances has none")]
-    NoCosts,
     /// The photons of a pass need more memory than a buffer may have.
     #[error(
         "the photons of a pass that are stored, {photons} so far, need {needed} bytes, but may have {allowed}; trace fewer of them, in \

@@ -8,11 +8,11 @@ use crate::bsdf::{Bsdf, Scattered};
 use crate::environment;
 use crate::layout::{Frame, Path, Surface};
 use crate::lighting::{shining_point, solid_angle};
-use crate::lobes::{LAST, Lobes, PATHS, ends, is_caustic, share};
+use crate::lobes::{FROM_EYE, LAST, Lobes, PATHS, ends, is_caustic, share};
 use crate::plane::start;
 use crate::planted::{Fault, is_planted};
 use crate::random::{Use, key, pair, words};
-use crate::scene_data::{DIELECTRIC, DIRECTIONAL};
+use crate::scene_data::{DIELECTRIC, DIRECTIONAL, NONE};
 use crate::scene_words::SceneWords;
 use crate::surface::{Met, meet};
 use crate::vector::{Vector, add, dot, greatest, length, mul, negated, normalized, scaled, sub};
@@ -43,10 +43,17 @@ pub(crate) fn shade(
     }
     let met = meet(scene, world, ray, (hit, instance));
     let (mut surface, emission) = described(scene, &met, ray);
-    if greatest(emission) > 0.0 && !is_caustic(frame, path) {
+    // Shapes send no photons, so that where these are looked up they are seen, but light nothing.
+    let counts = match met.described {
+        NONE => path.history == FROM_EYE,
+        _ => !is_caustic(frame, path),
+    };
+    if greatest(emission) > 0.0 && counts {
         let Met { at, plane, .. } = met;
         let mut own = 1.0;
-        let sampled = path.density > 0.0 && frame.area_samples > 0;
+        // No ray is aimed at a shape.
+        let is_triangle = met.described != NONE;
+        let sampled = path.density > 0.0 && frame.area_samples > 0 && is_triangle;
         if sampled && !is_planted(frame, Fault::EmissionWhole) {
             let cosine = dot(surface.geometric_normal, ray.direction).abs();
             let area = (length(plane.scaled_normal) * 0.5, plane.power);

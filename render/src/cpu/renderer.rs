@@ -58,16 +58,13 @@ impl CpuRenderer {
     /// the scene.
     ///
     /// # Errors
-    /// As for [`CpuRenderer::render`]; costs of rays, which a scene does not count.
+    /// As for [`CpuRenderer::render`].
     pub fn render_scene(
         &mut self,
         scene: &dyn SceneAccelerator,
         table: &InstanceTable,
         input: &FrameInput<'_>,
     ) -> Result<FrameStats, RenderError> {
-        if input.outputs.first_costs {
-            return Err(RenderError::NoCosts);
-        }
         let placed = AtomicU64::new(0);
         let stats = self.render_traced(Traced::Scene(scene, table, &placed), input)?;
         Ok(FrameStats { placed_by_cpu: placed.into_inner(), ..stats })
@@ -95,7 +92,7 @@ impl CpuRenderer {
             self.photons = executor.photons();
             if counters[Counter::Overflow] == 0 {
                 let photon_rays = self.photons.map_or(0, |photons| photons.rays);
-                let stats = FrameStats::new(plan, &counters, Some(tracing));
+                let stats = FrameStats::new(plan, &counters, tracing);
                 return Ok(FrameStats { photon_rays, ..stats });
             }
             plan = plan.halved().ok_or(RenderError::PixelTooDeep {

@@ -4,8 +4,7 @@ use super::corner::{Corner, Elements};
 use super::error::{Element, ObjProblem};
 use super::lines::Lines;
 use crate::from_file::quoted_word;
-use crate::{Group, Material, Notes, Scene};
-use glam::DVec3;
+use crate::{Group, Material, Notes, Scene, normals};
 use splitplane_core::mesh::MAX_TRIANGLES;
 use std::collections::HashMap;
 
@@ -107,9 +106,7 @@ impl Reader {
     fn normal(&mut self, rest: &str) -> Result<(), ObjProblem> {
         let normal: [f32; 3] = numbers(Element::Normal, rest, 3)?;
         self.elements.normals.add()?;
-        let wide = DVec3::from_array(normal.map(f64::from));
-        let unit = wide.try_normalize().map_or(normal, |n| n.as_vec3().to_array());
-        push(&mut self.scene.normals, unit)
+        push(&mut self.scene.normals, normals::unit(normal.map(f64::from)))
     }
 
     fn face(&mut self, line: u64, rest: &str) -> Result<(), ObjProblem> {
@@ -198,15 +195,7 @@ impl Reader {
         if self.scene.indices.is_empty() {
             return Err((None, ObjProblem::NoTriangles));
         }
-        let Scene { indices, normals, normal_indices, texcoords, texcoord_indices, notes, .. } =
-            &mut self.scene;
-        let unusable = |normal: &[f32; 3]| {
-            let wide = DVec3::from_array(normal.map(f64::from));
-            !(wide.is_finite() && wide != DVec3::ZERO)
-        };
-        notes.unusable_normals = leave_out(normals, normal_indices, unusable, indices.len());
-        let unusable = |texcoord: &[f32; 2]| !texcoord.iter().all(|x| x.is_finite());
-        notes.unusable_texcoords = leave_out(texcoords, texcoord_indices, unusable, indices.len());
+        normals::leave_out_unusable(&mut self.scene);
         if let (count, Some((line, keyword))) = self.unknown {
             self.scene.notes.warnings.push(format!(
                 "{count} lines with unknown keywords skipped, the first is line {line}: `{keyword}`"
@@ -247,26 +236,4 @@ fn numbers<const N: usize>(of: Element, rest: &str, least: usize) -> Result<[f32
         Some(word) => Err(ObjProblem::BadNumber(quoted_word(word))),
         None => Ok(values),
     }
-}
-
-/// Brings the corners' indices to one entry per triangle, if there are any, and removes those of
-/// values that cannot be used. Returns how many such values there are.
-fn leave_out<T>(
-    values: &[T],
-    corners: &mut Vec<[u32; 3]>,
-    unusable: impl Fn(&T) -> bool,
-    triangles: usize,
-) -> u64 {
-    if !corners.is_empty() {
-        corners.resize(triangles, [Scene::NONE; 3]);
-    }
-    let count = values.iter().filter(|value| unusable(value)).count() as u64;
-    if count > 0 {
-        for corner in corners.as_flattened_mut() {
-            if values.get(*corner as usize).is_some_and(&unusable) {
-                *corner = Scene::NONE;
-            }
-        }
-    }
-    count
 }
