@@ -28,7 +28,7 @@ const SAMPLES: [u32; 2] = [4, 16];
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
-    /// An .obj file, a .json scene file or builtin:NAME[:SIZE]
+    /// An .obj file, a .json or .scene file of many objects, or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE", default_value = DEFAULT_SCENE)]
     scene: OsString,
     /// The picture: .png for screens, or .exr for linear light; splitplane-SCENE.png in the current
