@@ -117,7 +117,7 @@ impl Generator<'_> {
     /// There is an instance.
     fn ray(&self, number: u64) -> Ray {
         let to = self.point(number, 0);
-        let from = if number % 2 == 0 {
+        let from = if number.is_multiple_of(2) {
             let z = 2.0 * unit(SEED, &[number, 20]) - 1.0;
             let turn = core::f64::consts::TAU * unit(SEED, &[number, 21]);
             let across = (1.0 - z * z).max(0.0).sqrt();
