@@ -22,6 +22,8 @@ mod options;
 mod placement;
 #[cfg(feature = "ply")]
 pub mod ply;
+#[cfg(feature = "stl")]
+pub mod stl;
 #[doc(hidden)]
 pub mod surface;
 
@@ -210,6 +212,10 @@ impl Scene {
         #[cfg(feature = "ply")]
         if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ply")) {
             return Ok(ply::read(path, options)?);
+        }
+        #[cfg(feature = "stl")]
+        if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("stl")) {
+            return Ok(stl::read(path, options)?);
         }
         #[cfg(feature = "json")]
         if InstancedScene::is_named_by(spec) {
