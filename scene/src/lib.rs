@@ -11,8 +11,10 @@ mod camera;
 #[cfg(feature = "obj")]
 #[doc(hidden)]
 pub mod from_file;
+#[cfg(feature = "gltf")]
+pub mod gltf;
 pub mod instanced;
-#[cfg(any(feature = "ply", feature = "stl"))]
+#[cfg(any(feature = "gltf", feature = "ply", feature = "stl"))]
 mod mesh_file;
 mod normals;
 #[cfg(feature = "obj")]
@@ -31,7 +33,7 @@ pub mod surface;
 pub use animation::{Animation, AnimationError, Change};
 pub use camera::{Camera, CameraError};
 pub use instanced::InstancedScene;
-#[cfg(any(feature = "ply", feature = "stl"))]
+#[cfg(any(feature = "gltf", feature = "ply", feature = "stl"))]
 pub use mesh_file::{MeshFileError, MeshFileProblem, Place};
 pub use options::{MaterialRule, SceneOptions};
 pub use placement::{Placement, View};
@@ -139,7 +141,7 @@ pub enum SceneError {
     #[error(transparent)]
     Obj(#[from] obj::ObjError),
     /// A file of a mesh in another format that cannot be read.
-    #[cfg(any(feature = "ply", feature = "stl"))]
+    #[cfg(any(feature = "gltf", feature = "ply", feature = "stl"))]
     #[error(transparent)]
     MeshFile(#[from] MeshFileError),
     /// A built-in scene that does not exist, or a size it cannot have.
@@ -216,6 +218,10 @@ impl Scene {
         #[cfg(feature = "stl")]
         if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("stl")) {
             return Ok(stl::read(path, options)?);
+        }
+        #[cfg(feature = "gltf")]
+        if gltf::is_named_by(path) {
+            return Ok(gltf::read_flat(path, options)?);
         }
         #[cfg(feature = "json")]
         if InstancedScene::is_named_by(spec) {
