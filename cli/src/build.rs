@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
-    /// An .obj file or builtin:NAME[:SIZE]
+    /// An .obj, .ply, .stl, .gltf or .glb file, or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE")]
     scene: OsString,
     /// Write the tree to this file

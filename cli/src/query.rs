@@ -17,7 +17,7 @@ use std::time::Instant;
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
-    /// An .obj file or builtin:NAME[:SIZE]
+    /// An .obj, .ply, .stl, .gltf or .glb file, or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE")]
     scene: OsString,
     /// The rays: raw little-endian f32 `ox oy oz dx dy dz tmin tmax`, or .npy of shape (n, 8)

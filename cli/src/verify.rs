@@ -12,7 +12,7 @@ use std::ffi::OsString;
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
-    /// An .obj file or builtin:NAME[:SIZE]
+    /// An .obj, .ply, .stl, .gltf or .glb file, or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE")]
     scene: OsString,
     /// Rays of each kind: random, aimed at edges, aimed at vertices

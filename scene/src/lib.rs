@@ -132,6 +132,18 @@ impl Notes {
     }
 }
 
+/// Endings of other files that this build reads.
+const FORMATS: &str = match (cfg!(feature = "gltf"), cfg!(feature = "ply"), cfg!(feature = "stl")) {
+    (true, true, true) => ".ply, .stl, .gltf, .glb",
+    (true, true, false) => ".ply, .gltf, .glb",
+    (true, false, true) => ".stl, .gltf, .glb",
+    (true, false, false) => ".gltf, .glb",
+    (false, true, true) => ".ply, .stl",
+    (false, true, false) => ".ply",
+    (false, false, true) => ".stl",
+    (false, false, false) => "none in this build",
+};
+
 /// Why there is no scene.
 #[derive(Debug, Error)]
 #[non_exhaustive]
@@ -156,7 +168,8 @@ pub enum SceneError {
     ManyObjects(String),
     /// A file that is not of a known format.
     #[error(
-        "`{0}` is neither a .obj file nor a built-in scene; the built-in ones are {names}",
+        "`{0}` is neither a .obj file nor of another format that is read ({formats}), nor a built-in scene; the built-in ones are {names}",
+        formats = FORMATS,
         names = builtin::names()
     )]
     UnknownFormat(String),
@@ -182,7 +195,8 @@ impl Scene {
     /// The index of a normal or a texture coordinate at a corner that has none.
     pub const NONE: u32 = u32::MAX;
 
-    /// Opens a scene by what a user writes: the path of an .obj file, or `builtin:NAME[:SIZE]`. A path
+    /// Opens a scene by what a user writes: the path of an .obj file, of a .ply, .stl, .gltf or .glb file where the features of
+    /// those names are on, or `builtin:NAME[:SIZE]`. The instances of a glTF file are one mesh in the world, in the first frame. A path
     /// need not be UTF-8.
     ///
     /// # Errors

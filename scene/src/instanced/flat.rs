@@ -9,7 +9,10 @@ use splitplane_core::mesh::MAX_TRIANGLES;
 impl InstancedScene {
     /// The triangles of all instances, one after the other, in the world, in at most `limit` bytes. Places are computed in `f64` and
     /// rounded once; where an instance is reflected, the corners of its triangles run the other way around.
-    pub(crate) fn flatten(mut self, limit: u64) -> Result<Scene, MeshFileProblem> {
+    ///
+    /// # Errors
+    /// They have more triangles than one tree can hold, or take more bytes.
+    pub fn flatten(mut self, limit: u64) -> Result<Scene, MeshFileProblem> {
         let [triangles, vertices] = self.counts();
         if triangles > MAX_TRIANGLES as u64 {
             let (what, most) = ("triangles in all instances together", MAX_TRIANGLES as u64);
