@@ -13,12 +13,10 @@ scene of one of trimesh's, and as many. --list writes a line for each file.
 import argparse
 import collections
 import hashlib
-import io
 import os
 import pathlib
 import subprocess
 import sys
-import tarfile
 import tempfile
 
 import numpy as np
@@ -26,18 +24,29 @@ import trimesh
 from scipy.spatial import cKDTree
 
 ENDINGS = (".obj", ".ply", ".stl", ".gltf", ".glb")
+# What such files name.
+BESIDE = (".bin", ".mtl", ".png", ".jpg", ".jpeg")
 SECONDS = 120
 
 
 def gather(source, place):
     """A folder with the files of a source."""
     path = pathlib.Path(source)
-    if (path / "HEAD").is_file() and (path / "objects").is_dir():
-        archive = subprocess.run(["git", "-C", source, "archive", "HEAD"], check=True, capture_output=True).stdout
-        with tarfile.open(fileobj=io.BytesIO(archive)) as tar:
-            tar.extractall(place, filter="data")
-        return pathlib.Path(place)
-    return path
+    if not ((path / "HEAD").is_file() and (path / "objects").is_dir()):
+        return path
+    names = subprocess.run(["git", "-C", source, "ls-tree", "-r", "-z", "HEAD"], check=True, capture_output=True).stdout
+    for line in filter(None, names.split(b"\0")):
+        about, name = line.split(b"\t", 1)
+        name = name.decode(errors="replace")
+        if about.split()[1] != b"blob" or not name.lower().endswith(ENDINGS + BESIDE):
+            continue
+        # A snapshot may lack its largest files.
+        done = subprocess.run(["git", "-C", source, "cat-file", "blob", about.split()[2]], capture_output=True)
+        to = pathlib.Path(place, name)
+        if done.returncode == 0 and to.resolve().is_relative_to(pathlib.Path(place).resolve()):
+            to.parent.mkdir(parents=True, exist_ok=True)
+            to.write_bytes(done.stdout)
+    return pathlib.Path(place)
 
 
 def ours(program, path, place):
