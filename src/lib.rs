@@ -46,7 +46,7 @@
 //! # Features
 //!
 //! `cpu` (default) is the rayon backend, `wgpu` the GPU backend. `scene` has scenes, cameras and the built-in
-//! scenes; `obj`, `textures` and `animation` read files of them. `render` adds the ray tracer and `picture`
+//! scenes; `obj`, `ply`, `stl`, `gltf`, `textures` and `animation` read files of them. `render` adds the ray tracer and `picture`
 //! the files that it gives. `verify` checks answers against a reference; `parity` compares CPU and GPU.
 //! Only the features you enable are compiled.
 //!

@@ -30,7 +30,7 @@ const SAMPLES: u32 = 1;
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
-    /// An .obj file, a .json scene file or builtin:NAME[:SIZE]
+    /// An .obj, .ply, .stl, .gltf or .glb file, a .json scene file, or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE", default_value = DEFAULT_SCENE)]
     scene: OsString,
     /// How the scene moves: a folder of .obj files in the order of their names, or NAME.frames.bin with

@@ -6,7 +6,7 @@ use splitplane::points::PointBuildError;
 use splitplane::render::{PlanError, RenderError};
 use splitplane::scene::instanced::{InstancedError, SceneFileProblem};
 use splitplane::scene::obj::{ObjError, ObjProblem};
-use splitplane::scene::{AnimationError, SceneError};
+use splitplane::scene::{AnimationError, MeshFileError, MeshFileProblem, SceneError};
 use splitplane::tracer::TracerError;
 use splitplane::{BuildError, DeviceError, MeshError, OpenError, QueryError};
 use splitplane_measure::paper::ReportError;
@@ -83,6 +83,7 @@ impl From<SceneError> for Failure {
                 Failure::usage(format!("{error}; `splitplane --help` lists the verbs"))
             }
             SceneError::Obj(obj) => from_obj(obj, error.to_string()),
+            SceneError::MeshFile(file) => from_mesh_file(file, error.to_string()),
             SceneError::ManyObjects(_) => Failure::usage(error.to_string()),
             SceneError::File(file) => match &*file.problem {
                 SceneFileProblem::Obj(obj) => from_obj(obj, error.to_string()),
@@ -98,6 +99,15 @@ impl From<SceneError> for Failure {
 fn from_obj(error: &ObjError, message: String) -> Failure {
     match error.problem {
         ObjProblem::TooLong { .. } => Failure::limit(message + "; --max-file allows more"),
+        ref problem if problem.is_limit() => Failure::limit(message),
+        _ => Failure::file(message),
+    }
+}
+
+/// A run that a file of another format ends, with the option that may help.
+fn from_mesh_file(error: &MeshFileError, message: String) -> Failure {
+    match error.problem {
+        MeshFileProblem::TooLong { .. } => Failure::limit(message + "; --max-file allows more"),
         ref problem if problem.is_limit() => Failure::limit(message),
         _ => Failure::file(message),
     }
@@ -431,7 +441,7 @@ mod tests {
     fn errors_of_libraries_name_no_option_and_failures_do() {
         let problem = ObjProblem::TooLong { limit: 7 };
         let obj = ObjError { file: "a.obj".into(), line: None, problem };
-        let unknown = SceneError::UnknownFormat("a.stl".into());
+        let unknown = SceneError::UnknownFormat("a.dae".into());
         for (error, hint) in [
             (SceneError::Obj(obj), "; --max-file allows more"),
             (unknown, "; `splitplane --help` lists the verbs"),

@@ -28,7 +28,7 @@ const SAMPLES: [u32; 2] = [4, 16];
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
-    /// An .obj file, a .json or .scene file of many objects, or builtin:NAME[:SIZE]
+    /// An .obj, .ply, .stl, .gltf or .glb file, a .json or .scene file of many objects, or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE", default_value = DEFAULT_SCENE)]
     scene: OsString,
     /// The picture: .png for screens, or .exr for linear light; splitplane-SCENE.png in the current
@@ -358,6 +358,7 @@ struct RenderReport {
 /// A name in the current folder that no scene file has.
 fn default_name(scene: &str) -> PathBuf {
     let bare = scene.strip_prefix("builtin:").unwrap_or(scene);
-    let bare = bare.strip_suffix(".obj").or(bare.strip_suffix(".json")).unwrap_or(bare);
+    let endings = [".obj", ".json", ".ply", ".stl", ".gltf", ".glb"];
+    let bare = endings.iter().find_map(|ending| bare.strip_suffix(ending)).unwrap_or(bare);
     PathBuf::from(format!("splitplane-{}.png", bare.replace([':', '/', '\\'], "-")))
 }

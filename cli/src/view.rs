@@ -33,7 +33,7 @@ adapter that can draw in it, and 6 when the window's device is lost.";
 #[derive(Args, Debug)]
 #[command(after_help = NOTES)]
 pub(super) struct Arguments {
-    /// An .obj file, a .json or .scene file of many objects, or builtin:NAME[:SIZE]
+    /// An .obj, .ply, .stl, .gltf or .glb file, a .json or .scene file of many objects, or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE", default_value = DEFAULT_SCENE)]
     scene: OsString,
     /// Width and height of the window in pixels
