@@ -76,6 +76,12 @@ awk -v page="$page" '
     inside { print }
     END { if (blocks < 2) exit 1; print "return 0;\n}" }
 ' "$page" >"$scratch/page.c"
+# The page that begins with nothing has one whole program.
+awk -v page="${page%/c.md}/first.md" '
+    /^```c$/ { inside = 1; printf "#line %d \"%s\"\n", NR + 1, page; next }
+    /^```/ { inside = 0 }
+    inside { print }
+' "${page%/c.md}/first.md" >"$scratch/first.c"
 # Every status stands on the page, with its number.
 grep -o 'SPLITPLANE_STATUS_[A-Z_]* = [0-9]*' include/splitplane.h | while read -r name _ number; do
     grep -qF "| \`$name\` | $number |" "$page" || {
@@ -85,10 +91,10 @@ grep -o 'SPLITPLANE_STATUS_[A-Z_]* = [0-9]*' include/splitplane.h | while read -
 done
 
 # Each program: its name, its source, and what it is run with.
-programs=(page picture scene misuse lives)
+programs=(first page picture scene misuse lives)
 source_of() {
     case $1 in
-    page) echo "$scratch/page.c" ;;
+    first | page) echo "$scratch/$1.c" ;;
     picture) echo examples/picture.c ;;
     scene) echo examples/scene.cpp ;;
     *) echo "tests/$1.c" ;;

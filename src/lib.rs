@@ -46,7 +46,7 @@
 //! # Features
 //!
 //! `cpu` (default) is the rayon backend, `wgpu` the GPU backend. `scene` has scenes, cameras and the built-in
-//! scenes; `obj`, `textures` and `animation` read files of them. `render` adds the ray tracer and `picture`
+//! scenes; `obj`, `ply`, `stl`, `gltf`, `textures` and `animation` read files of them. `render` adds the ray tracer and `picture`
 //! the files that it gives. `verify` checks answers against a reference; `parity` compares CPU and GPU.
 //! Only the features you enable are compiled.
 //!
@@ -60,8 +60,10 @@
 //! | get all hits of a ray, or count them | [`Accelerator::all_hits`] |
 //! | find out whether points are inside a mesh | [`Accelerator::locate`] |
 //! | find the closest point of a mesh, or its signed distance | [`Accelerator::closest_points`], [closest points] |
+//! | find what meets a box, a ball, a capsule, a frustum, another mesh | [`Accelerator::overlaps`], [overlaps] |
 //! | find the nearest of a cloud of points | [`points`] |
 //! | trace shadow rays and reflections | [shadows], [choose an accuracy] |
+//! | make pictures with light by paths and photons | [light by paths and photons] |
 //! | save and load a tree, pin it in a test | [`core::tree::file`], [`Backend::load`], [`Digest`], [keep a tree] |
 //! | filter triangles, write your own query | [`KdTree::visit_along`], [`KdTree::find_best`], [custom queries] |
 //! | write your own backend or executor | [`Backend`], [custom backends], [custom executors] |
@@ -81,6 +83,8 @@
 //! [choose an accuracy]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/accuracy.md
 //! [keep a tree]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/keep.md
 //! [closest points]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/near.md
+//! [light by paths and photons]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/light.md
+//! [overlaps]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/overlaps.md
 //! [custom queries]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/query.md
 //! [custom backends]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/own_backend.md
 //! [custom executors]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/executor.md
@@ -91,6 +95,7 @@
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
 pub mod backend;
+mod lazy;
 pub mod points;
 
 pub use backend::{BackendKind, OpenError, OpenOptions, Opened};
@@ -103,6 +108,7 @@ pub use splitplane_core::mesh::{Mesh, MeshError};
 pub use splitplane_core::query::all_hits::{AllHits, AllHitsOptions, Crossing};
 pub use splitplane_core::query::along::LeafAlong;
 pub use splitplane_core::query::best_first::LeafCell;
+pub use splitplane_core::query::cast::{Cast, CastOptions, Impact};
 pub use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions};
 pub use splitplane_core::query::inside::{LocateOptions, Located, Location, Rule};
 pub use splitplane_core::query::overlap::{OverlapOptions, Overlaps, Plane, Volume};
@@ -132,6 +138,7 @@ pub use splitplane_wgpu as gpu;
 /// Scenes of many objects: a description, and what answers rays through it. (Scenes from files, with materials and
 /// lights, are in the module `scene`.)
 pub mod objects {
+    pub use crate::lazy::{LazyError, LazyScene};
     pub use splitplane_core::backend::scene::*;
     pub use splitplane_core::scene::*;
 }
@@ -152,15 +159,20 @@ mod guide {
         backend,
         cancel,
         executor,
+        first,
         keep,
         near,
         no_std,
+        overlaps,
         own_backend,
         query,
         rebuild,
         scenes,
         start
     );
+
+    #[cfg(all(feature = "render", feature = "scene"))]
+    pages!(light);
 
     #[cfg(feature = "wgpu")]
     pages!(shader);

@@ -279,8 +279,8 @@ fn a_planted_fault_is_seen() {
     let scene = scenes::soup(500, 0.1, 3);
     let kernel = Kernel::EmitSmall;
     let source = splitplane_shaders::KERNELS[kernel as usize].source();
-    let place = "2u * SUBTREE_NODES + i]";
-    let planted = source.replace(place, "2u * SUBTREE_NODES + (i ^ 1u)]");
+    let place = "put_half(mask.y, first + countOneBits(mask.x), true)";
+    let planted = source.replace(place, "put_half(mask.y, first, true)");
     assert!(planted != source, "the text to change is gone");
     let gpu = Gpu::clone(&device::gpu());
     let backend = WgpuBackend::with_replaced_kernel(gpu, kernel, planted);

@@ -26,7 +26,7 @@ mod single;
 mod stream;
 mod top_walk;
 
-use parts::{Geometries, is_direct};
+use parts::{Geometries, Kind, is_direct};
 use single::{Followed, SceneSingle};
 use stream::SceneStream;
 use top_walk::VectorWalker;
@@ -42,6 +42,8 @@ const SINGLY_BELOW: usize = 3;
 pub struct CpuScene {
     built: BuiltScene,
     set: InstructionSet,
+    /// What all geometries have in common; `None` where rays cannot be followed through them.
+    kind: Option<Kind>,
 }
 
 thread_local! {
@@ -59,7 +61,9 @@ impl CpuScene {
         build: &mut BuildGeometry<'_>,
         set: InstructionSet,
     ) -> Result<CpuScene, SceneBuildError> {
-        Ok(CpuScene { built: BuiltScene::build(scene, options, build)?, set })
+        let built = BuiltScene::build(scene, options, build)?;
+        let kind = Kind::of(&built, set);
+        Ok(CpuScene { built, set, kind })
     }
 
     /// The answer to one ray.
@@ -113,8 +117,9 @@ impl CpuScene {
     ) -> Result<SceneReport, QueryError> {
         check_lengths(rays.len(), answers.len())?;
         if is_direct(&self.built, options)
-            && let Some(geometries) = &Geometries::of(&self.built, self.set)?
+            && let Some(kind) = self.kind
         {
+            let geometries = &Geometries::of(&self.built, self.set, kind, rays.len())?;
             return self.follow(geometries, rays, answers, options);
         }
         let meter = &ProgressMeter::of(options.watch);
@@ -164,7 +169,11 @@ impl SceneAccelerator for CpuScene {
         options: &BuildOptions<'_>,
         build: &mut BuildGeometry<'_>,
     ) -> Result<UpdateReport, SceneBuildError> {
-        self.built.update(scene, options, build)
+        let report = self.built.update(scene, options, build)?;
+        if report.geometries_built > 0 || report.geometries_dropped > 0 {
+            self.kind = Kind::of(&self.built, self.set);
+        }
+        Ok(report)
     }
 
     fn closest_hits(

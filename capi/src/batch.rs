@@ -3,7 +3,7 @@
 use library::{QueryReport, Ray, Watch};
 
 use crate::buffer::{Given, Wanted, filled};
-use crate::options::{Caller, watch};
+use crate::progress::{Caller, watch};
 use crate::ray::{CHUNK, View};
 use crate::status::Failure;
 

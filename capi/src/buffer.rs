@@ -267,3 +267,16 @@ pub(crate) fn filled<T: Clone>(count: usize, value: T) -> Result<Vec<T>, Failure
     list.resize(count, value);
     Ok(list)
 }
+
+/// Points of three coordinates.
+///
+/// # Safety
+/// As for [`Given::new`].
+pub(crate) unsafe fn points<'a>(
+    first: *const f32,
+    stride: usize,
+    count: usize,
+) -> Result<Given<'a, [f32; 3]>, Failure> {
+    // SAFETY: as the caller says.
+    unsafe { Given::new(first.cast(), stride, count, "points") }
+}

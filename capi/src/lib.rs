@@ -10,6 +10,7 @@
 mod backend;
 mod batch;
 mod buffer;
+mod build_settings;
 mod entry;
 mod handle;
 mod lists;
@@ -17,6 +18,8 @@ mod mesh;
 mod options;
 mod points;
 mod pool;
+mod progress;
+mod query_settings;
 mod ray;
 mod record;
 mod scene;

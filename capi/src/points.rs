@@ -8,11 +8,14 @@ use library::{Progress, QueryError, Stage};
 use rayon::prelude::*;
 
 use crate::buffer::{Given, Wanted, check, filled, reserve, write};
+use crate::build_settings::Build;
 use crate::entry::entry;
 use crate::handle::{Lists, PointTree, free, get, insert};
 use crate::lists::Object as ListsObject;
-use crate::options::{Build, BuildOptions, Query, QueryOptions, Uses, chosen, watch};
+use crate::options::{BuildOptions, QueryOptions, chosen};
 use crate::pool;
+use crate::progress::watch;
+use crate::query_settings::{Query, Uses};
 use crate::record::Neighbour;
 use crate::status::{Failure, Status};
 

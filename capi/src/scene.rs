@@ -12,10 +12,11 @@ use library::{BuildOptions as LibraryBuildOptions, LoadOptions};
 
 use crate::backend::{Opened, hand_over};
 use crate::buffer::{check, check_offer, offer, read, text, write};
+use crate::build_settings::Build;
 use crate::entry::entry;
 use crate::handle::{Backend, Scene, free, get, insert};
 use crate::mesh::{Copies, Mesh};
-use crate::options::{Build, BuildOptions, CULLINGS, chosen};
+use crate::options::{BuildOptions, CULLINGS, chosen};
 use crate::pool;
 use crate::status::{Failure, Status};
 use crate::tree::{change, fetch, look, memory, store};

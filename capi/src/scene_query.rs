@@ -3,12 +3,14 @@
 use library::objects::{SceneClosestPoint as Closest, SceneHit as HitOfScene};
 
 use crate::batch::{self, Report};
-use crate::buffer::{Wanted, check, check_offer, offer, write};
+use crate::buffer::{Wanted, check, check_offer, offer, points, write};
 use crate::entry::entry;
 use crate::handle::{Lists, Scene, get, insert};
 use crate::lists::Object as ListsObject;
-use crate::options::{Query, QueryOptions, Uses, points, watch};
+use crate::options::QueryOptions;
 use crate::pool;
+use crate::progress::watch;
+use crate::query_settings::{Query, Uses};
 use crate::ray::{Rays, View};
 use crate::record::{SceneClosestPoint, SceneHit};
 use crate::scene::current;

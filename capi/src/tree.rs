@@ -9,10 +9,11 @@ use library::{Accelerator, LoadOptions};
 
 use crate::backend::{Opened, hand_over};
 use crate::buffer::{Given, check, filled, text, write};
+use crate::build_settings::Build;
 use crate::entry::entry;
 use crate::handle::{Backend, Tree, free, get, insert};
 use crate::mesh::{Copies, Mesh};
-use crate::options::{Build, BuildOptions};
+use crate::options::BuildOptions;
 use crate::pool;
 use crate::status::{Failure, Status};
 

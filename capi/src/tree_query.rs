@@ -4,12 +4,14 @@ use library::core::query::inside::Located;
 use library::{Accelerator, ClosestPoint as Closest, Hit as HitOfMesh, QueryReport, Watch};
 
 use crate::batch::{self, Report};
-use crate::buffer::{Given, Wanted, check, check_offer, offer, write};
+use crate::buffer::{Given, Wanted, check, check_offer, offer, points, write};
 use crate::entry::entry;
 use crate::handle::{Lists, Tree, get, insert};
 use crate::lists::Object as ListsObject;
-use crate::options::{Query, QueryOptions, Uses, points, watch};
+use crate::options::QueryOptions;
 use crate::pool;
+use crate::progress::watch;
+use crate::query_settings::{Query, Uses};
 use crate::ray::{Rays, View};
 use crate::record::{ClosestPoint, Hit};
 use crate::status::{Failure, Status};

@@ -8,6 +8,7 @@ mod animate;
 mod bug;
 mod build;
 pub mod cloud;
+mod convert;
 mod distances;
 mod ending;
 pub mod failure;
@@ -18,6 +19,7 @@ mod look;
 mod mesa;
 pub mod npy;
 mod objects;
+mod objects_built;
 mod objects_report;
 mod options;
 mod output;
@@ -29,6 +31,7 @@ mod prepared;
 mod probe;
 mod progress;
 mod query;
+mod query_objects;
 pub mod ray_file;
 mod render;
 mod shell;
@@ -38,6 +41,7 @@ mod table;
 mod trade;
 mod tree;
 mod verify;
+mod verify_objects;
 #[cfg(feature = "viewer")]
 mod view;
 
@@ -46,7 +50,8 @@ use std::process::ExitCode;
 
 /// SAH kd-trees for ray tracing: pictures, trees, ray queries and checks.
 ///
-/// Without a verb, renders. SCENE is the path of an .obj file, a .json scene file, or builtin:NAME[:SIZE].
+/// Without a verb, renders. SCENE is the path of an .obj, .ply, .stl, .gltf or .glb file, of a .json or .scene file of many objects, or
+/// builtin:NAME[:SIZE].
 #[derive(Parser)]
 #[command(name = "splitplane", version, args_conflicts_with_subcommands = true)]
 #[command(after_help = EXIT_CODES)]
@@ -83,6 +88,8 @@ enum Verb {
     Paper(paper::Arguments),
     /// Measure what each setting costs on a scene and what it gets wrong, and recommend one.
     Trade(trade::Arguments),
+    /// Write a scene as .ply or .glb.
+    Convert(convert::Arguments),
     /// Look at a scene in a window: orbit, fly, debug views, boxes of the tree.
     #[cfg(feature = "viewer")]
     View(view::Arguments),
@@ -113,6 +120,7 @@ impl Cli {
             Some(Verb::Parity(arguments)) => &arguments.common,
             Some(
                 Verb::Adapters(_)
+                | Verb::Convert(_)
                 | Verb::Paper(_)
                 | Verb::Points(_)
                 | Verb::Trade(_)
@@ -129,8 +137,11 @@ impl Cli {
 
 const EXIT_CODES: &str = "\
 Built-in scenes: builtin:cornell, builtin:spheres, builtin:stadium, builtin:gallery,
-builtin:carousel[:TRIANGLES], builtin:city[:TRIANGLES]; and of many objects, for render and
-animate, builtin:forest[:OBJECTS], builtin:flock[:BIRDS]
+builtin:carousel[:TRIANGLES], builtin:city[:TRIANGLES]; and of many objects
+builtin:forest[:OBJECTS], builtin:flock[:BIRDS]
+
+Scenes of many objects (these, .json files, and .scene files that build writes) are for render,
+animate, view, build, query and verify; other verbs take one mesh.
 
 Exit codes: 0 done; 1 a check failed; 2 wrong usage; 3 a file cannot be read or written; 4 a limit \
 of memory or size binds; 5 a GPU was asked for and there is none that can be used; 6 the device \
@@ -160,6 +171,7 @@ pub fn main() -> ExitCode {
         Some(Verb::Verify(arguments)) => verify::run(&arguments),
         Some(Verb::Adapters(arguments)) => adapters::run(&arguments),
         Some(Verb::Parity(arguments)) => parity::run(&arguments),
+        Some(Verb::Convert(arguments)) => convert::run(&arguments),
         Some(Verb::Paper(arguments)) => paper::run(&arguments),
         Some(Verb::Trade(arguments)) => trade::run(&arguments),
         #[cfg(feature = "viewer")]

@@ -2,7 +2,7 @@
 
 use super::failure::Failure;
 use super::files::{self, ends_in};
-use super::look::{Look, Placed};
+use super::look::{Look, Placed, of_photons};
 use super::objects::ObjectStage;
 use super::options::Common;
 use super::prepared::{BuildReport, in_pool, milliseconds, print_json};
@@ -11,9 +11,10 @@ use super::{output, progress};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 use splitplane::picture::{self, Aov, HeatMap, Quantity};
-use splitplane::render::{FrameStats, Outputs, RenderError};
+use splitplane::picture::{FirstCost, FirstHit};
+use splitplane::render::{FrameStats, Outputs, Size};
 use splitplane::scene::{InstancedScene, Scene, SceneOptions};
-use splitplane::tracer::{Frame, FrameRequest, TracerError};
+use splitplane::tracer::{Frame, FrameRequest};
 use std::borrow::Cow;
 use std::ffi::OsString;
 use std::num::NonZeroU32;
@@ -27,7 +28,7 @@ const SAMPLES: [u32; 2] = [4, 16];
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
-    /// An .obj file, a .json scene file or builtin:NAME[:SIZE]
+    /// An .obj, .ply, .stl, .gltf or .glb file, a .json or .scene file of many objects, or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE", default_value = DEFAULT_SCENE)]
     scene: OsString,
     /// The picture: .png for screens, or .exr for linear light; splitplane-SCENE.png in the current
@@ -59,8 +60,10 @@ enum AovName {
     Depth,
     /// Unit normal of the triangle
     Normal,
-    /// Index of the triangle
+    /// Index of the triangle; of many objects within its geometry
     Triangle,
+    /// Which of many objects it is
+    Instance,
     /// Nodes visited
     Nodes,
     /// Triangles tested
@@ -97,6 +100,7 @@ impl Arguments {
     }
 
     fn render(&self) -> Result<(), Failure> {
+        self.look.check_transport()?;
         if InstancedScene::is_named_by(&self.scene) {
             return self.render_objects();
         }
@@ -143,11 +147,6 @@ impl Arguments {
     /// Renders a scene of many objects.
     fn render_objects(&self) -> Result<(), Failure> {
         let Arguments { look, common, .. } = self;
-        let costs =
-            self.heatmap.is_some() || self.wants(AovName::Nodes) || self.wants(AovName::Tests);
-        if costs {
-            return Err(TracerError::Render(RenderError::NoCosts).into());
-        }
         let mut stage = ObjectStage::set(&self.scene, look, common)?;
         let path = self.output.clone().unwrap_or_else(|| default_name(&stage.scene.name));
         let shines = stage.tracer.appearance().needs().emitters > 0;
@@ -162,28 +161,10 @@ impl Arguments {
         let render_ms = milliseconds(start);
         spinner.finish_and_clear();
         let size = look.size;
-        let hits = stage.tracer.first_hits();
-        let aovs: Vec<Aov<'_>> = [
-            (AovName::Depth, Aov::Depth(hits)),
-            (AovName::Normal, Aov::Normal(hits)),
-            (AovName::Triangle, Aov::Triangle(hits)),
-        ]
-        .into_iter()
-        .filter_map(|(name, aov)| self.wants(name).then_some(aov))
-        .collect();
-        let mut written = vec![path.display().to_string()];
-        if request.outputs.radiance {
-            files::write(&path, &picture::encode_exr(size, stage.tracer.radiance(), &aovs)?)?;
-        } else {
-            let screen = picture::screen(size, stage.tracer.pixels())?;
-            files::write(&path, &picture::encode_png(&screen)?)?;
-            for aov in aovs {
-                let beside = path.with_extension(format!("{}.png", aov.name()));
-                files::write(&beside, &picture::encode_png(&aov.picture(size)?)?)?;
-                written.push(beside.display().to_string());
-            }
-        }
-        stage.report_picture(look, common, &stats, render_ms, written)
+        let (hits, costs) = (stage.tracer.first_hits(), stage.tracer.first_costs());
+        let (radiance, pixels) = (stage.tracer.radiance(), stage.tracer.pixels());
+        let written = self.write_made(&path, &Made { size, hits, costs, radiance, pixels })?;
+        stage.report_picture(look, common, &stats, render_ms, &written)
     }
 
     /// Heat maps show no surfaces.
@@ -198,7 +179,7 @@ impl Arguments {
 
     fn outputs(&self, path: &Path) -> Outputs {
         let exr = ends_in(path, "exr");
-        let hits = [AovName::Depth, AovName::Normal, AovName::Triangle];
+        let hits = [AovName::Depth, AovName::Normal, AovName::Triangle, AovName::Instance];
         Outputs {
             pixels: self.heatmap.is_none() && !exr,
             radiance: exr,
@@ -211,14 +192,26 @@ impl Arguments {
 
     /// Writes what was asked for and gives the files.
     fn write(&self, frame: &Frame<'_>, path: &Path) -> Result<Written, Failure> {
+        let outputs = self.outputs(path);
+        let hits = if outputs.first_hits { frame.first_hits()? } else { Cow::default() };
+        let costs = if outputs.first_costs { frame.first_costs()? } else { Cow::default() };
+        let radiance = if outputs.radiance { frame.radiance()? } else { Cow::default() };
+        let pixels = if outputs.pixels { frame.pixels()? } else { Cow::default() };
+        let (hits, costs, radiance, pixels) = (&*hits, &*costs, &*radiance, &*pixels);
         let size = self.look.size;
+        self.write_made(path, &Made { size, hits, costs, radiance, pixels })
+    }
+
+    /// The same of what any tracer made.
+    fn write_made(&self, path: &Path, made: &Made<'_>) -> Result<Written, Failure> {
+        let Made { size, hits, costs, radiance, pixels } = *made;
         let mut written = Written { files: vec![path.to_owned()], heat: None };
         if let Some(quantity) = self.heatmap {
             let quantity = match quantity {
                 QuantityName::Nodes => Quantity::Nodes,
                 QuantityName::Triangles => Quantity::Tests,
             };
-            let map = HeatMap::new(size, &frame.first_costs()?, quantity, self.heatmap_top)?;
+            let map = HeatMap::new(size, costs, quantity, self.heatmap_top)?;
             files::write(path, &picture::encode_png(&map.image)?)?;
             let of = &map.statistics;
             written.heat = Some(format!(
@@ -231,24 +224,22 @@ impl Arguments {
             ));
             return Ok(written);
         }
-        let outputs = self.outputs(path);
-        let hits = if outputs.first_hits { frame.first_hits()? } else { Cow::default() };
-        let costs = if outputs.first_costs { frame.first_costs()? } else { Cow::default() };
         let aovs: Vec<Aov<'_>> = [
-            (AovName::Depth, Aov::Depth(&hits)),
-            (AovName::Normal, Aov::Normal(&hits)),
-            (AovName::Triangle, Aov::Triangle(&hits)),
-            (AovName::Nodes, Aov::Nodes(&costs)),
-            (AovName::Tests, Aov::Tests(&costs)),
+            (AovName::Depth, Aov::Depth(hits)),
+            (AovName::Normal, Aov::Normal(hits)),
+            (AovName::Triangle, Aov::Triangle(hits)),
+            (AovName::Instance, Aov::Instance(hits)),
+            (AovName::Nodes, Aov::Nodes(costs)),
+            (AovName::Tests, Aov::Tests(costs)),
         ]
         .into_iter()
         .filter_map(|(name, aov)| self.wants(name).then_some(aov))
         .collect();
-        if outputs.radiance {
-            files::write(path, &picture::encode_exr(size, &frame.radiance()?, &aovs)?)?;
+        if self.outputs(path).radiance {
+            files::write(path, &picture::encode_exr(size, radiance, &aovs)?)?;
             return Ok(written);
         }
-        let screen = picture::screen(size, &frame.pixels()?)?;
+        let screen = picture::screen(size, pixels)?;
         files::write(path, &picture::encode_png(&screen)?)?;
         for aov in aovs {
             let beside = path.with_extension(format!("{}.png", aov.name()));
@@ -268,8 +259,7 @@ impl Arguments {
         let (width, height) = (self.look.size.width(), self.look.size.height());
         let built = stage.built()?;
         let trace_ms = stats.tracing.map(|time| time.as_secs_f64() * 1e3);
-        let names: Vec<String> =
-            written.files.iter().map(|file| file.display().to_string()).collect();
+        let names = written.names();
         if self.common.json {
             return print_json(&RenderReport {
                 build: built.report(),
@@ -281,6 +271,7 @@ impl Arguments {
                 emitters: stage.tracer.appearance().needs().emitters,
                 paths: stats.paths,
                 shadow_rays: stats.shadow_rays,
+                photon_rays: stats.photon_rays,
                 redone: stats.redone,
                 trace_ms,
                 render_ms,
@@ -292,7 +283,7 @@ impl Arguments {
         }
         let tracing = trace_ms.map_or(String::new(), |ms| format!(", {ms:.1} ms of it tracing"));
         output::data(&format!(
-            "{}{}traced   {} rays: {} camera, mirrored and refracted, {} shadow{}\n\
+            "{}{}traced   {} rays: {} camera, mirrored and refracted, {} shadow{}{}\n\
              rendered in {render_ms:.1} ms{tracing} ({:.1} million rays a second)\n{}\
              written  {} ({width}x{height})\n",
             built.describe(),
@@ -300,6 +291,7 @@ impl Arguments {
             stats.rays(),
             stats.paths,
             stats.shadow_rays,
+            of_photons(stats),
             redone(stats),
             stats.rays() as f64 / render_ms.max(1e-6) / 1e3,
             written.heat.as_deref().unwrap_or(""),
@@ -316,11 +308,27 @@ fn redone(stats: &FrameStats) -> String {
     }
 }
 
+/// What a tracer made; empty where it was not asked for.
+struct Made<'a> {
+    size: Size,
+    hits: &'a [FirstHit],
+    costs: &'a [FirstCost],
+    radiance: &'a [[f32; 4]],
+    pixels: &'a [u32],
+}
+
 /// What came of a frame.
-struct Written {
+pub(super) struct Written {
     files: Vec<PathBuf>,
     /// What a heat map says in numbers.
-    heat: Option<String>,
+    pub(super) heat: Option<String>,
+}
+
+impl Written {
+    /// The names of the files.
+    pub(super) fn names(&self) -> Vec<String> {
+        self.files.iter().map(|file| file.display().to_string()).collect()
+    }
 }
 
 /// What `--json` says about a picture.
@@ -337,6 +345,8 @@ struct RenderReport {
     emitters: u32,
     paths: u64,
     shadow_rays: u64,
+    /// Rays of photons, one for each bounce.
+    photon_rays: u64,
     /// Rays that a GPU left undecided, and the CPU traced again: accuracy exact only.
     redone: u64,
     /// Time in queries; null where it is not measured.
@@ -348,6 +358,7 @@ struct RenderReport {
 /// A name in the current folder that no scene file has.
 fn default_name(scene: &str) -> PathBuf {
     let bare = scene.strip_prefix("builtin:").unwrap_or(scene);
-    let bare = bare.strip_suffix(".obj").or(bare.strip_suffix(".json")).unwrap_or(bare);
+    let endings = [".obj", ".json", ".ply", ".stl", ".gltf", ".glb"];
+    let bare = endings.iter().find_map(|ending| bare.strip_suffix(ending)).unwrap_or(bare);
     PathBuf::from(format!("splitplane-{}.png", bare.replace([':', '/', '\\'], "-")))
 }

@@ -17,8 +17,7 @@ mod queries;
 use core::fmt::Debug;
 
 pub use builder::{
-    Buffer, Counter, Kernel, Overflow, SUBTREE_NODES, SUBTREE_REFERENCES, SUBTREE_WORDS,
-    TreeBuilder, Uniform,
+    Buffer, Counter, Kernel, Overflow, SUBTREE_NODES, SUBTREE_WORDS, TreeBuilder, Uniform,
 };
 pub use checks::{CheckBuffer, CheckCounter, CheckKernel, CheckUniform, DeviceChecks};
 pub use compress::{

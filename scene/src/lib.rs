@@ -11,8 +11,10 @@ mod camera;
 #[cfg(feature = "obj")]
 #[doc(hidden)]
 pub mod from_file;
+#[cfg(feature = "gltf")]
+pub mod gltf;
 pub mod instanced;
-#[cfg(any(feature = "ply", feature = "stl"))]
+#[cfg(any(feature = "gltf", feature = "ply", feature = "stl"))]
 mod mesh_file;
 mod normals;
 #[cfg(feature = "obj")]
@@ -22,6 +24,8 @@ mod options;
 mod placement;
 #[cfg(feature = "ply")]
 pub mod ply;
+#[cfg(feature = "stl")]
+pub mod stl;
 #[doc(hidden)]
 pub mod surface;
 
@@ -29,7 +33,7 @@ pub mod surface;
 pub use animation::{Animation, AnimationError, Change};
 pub use camera::{Camera, CameraError};
 pub use instanced::InstancedScene;
-#[cfg(any(feature = "ply", feature = "stl"))]
+#[cfg(any(feature = "gltf", feature = "ply", feature = "stl"))]
 pub use mesh_file::{MeshFileError, MeshFileProblem, Place};
 pub use options::{MaterialRule, SceneOptions};
 pub use placement::{Placement, View};
@@ -37,6 +41,8 @@ pub use splitplane_render::{Dielectric, Light, Material, Texture};
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::mesh::{Mesh, MeshError};
+#[cfg(feature = "json")]
+use std::collections::HashMap;
 use std::ffi::OsStr;
 #[cfg(feature = "obj")]
 use std::path::Path;
@@ -68,6 +74,10 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// The pictures that materials name by index.
     pub textures: Vec<Texture>,
+    /// For every material, by its place, the picture that says where its surfaces have holes, as an index of `textures`. Empty where none has, and
+    /// where it was not read. Pictures of one mesh show no holes; scenes of many objects make [opacity masks](splitplane_core::scene::OpacityMask)
+    /// of them.
+    pub cutouts: Vec<Option<u32>>,
     /// Where the groups and objects of a file begin, in the order of its triangles.
     pub groups: Vec<Group>,
     /// The view the scene was made for; files have none, see [`Placement::of`].
@@ -128,6 +138,18 @@ impl Notes {
     }
 }
 
+/// Endings of other files that this build reads.
+const FORMATS: &str = match (cfg!(feature = "gltf"), cfg!(feature = "ply"), cfg!(feature = "stl")) {
+    (true, true, true) => ".ply, .stl, .gltf, .glb",
+    (true, true, false) => ".ply, .gltf, .glb",
+    (true, false, true) => ".stl, .gltf, .glb",
+    (true, false, false) => ".gltf, .glb",
+    (false, true, true) => ".ply, .stl",
+    (false, true, false) => ".ply",
+    (false, false, true) => ".stl",
+    (false, false, false) => "none in this build",
+};
+
 /// Why there is no scene.
 #[derive(Debug, Error)]
 #[non_exhaustive]
@@ -137,7 +159,7 @@ pub enum SceneError {
     #[error(transparent)]
     Obj(#[from] obj::ObjError),
     /// A file of a mesh in another format that cannot be read.
-    #[cfg(any(feature = "ply", feature = "stl"))]
+    #[cfg(any(feature = "gltf", feature = "ply", feature = "stl"))]
     #[error(transparent)]
     MeshFile(#[from] MeshFileError),
     /// A built-in scene that does not exist, or a size it cannot have.
@@ -148,11 +170,15 @@ pub enum SceneError {
     #[error(transparent)]
     File(#[from] instanced::SceneFileError),
     /// A file of many objects, where one mesh was asked for.
-    #[error("`{0}` is a scene of many objects; render and animate take such scenes")]
+    #[error(
+        "`{0}` is a scene of many objects, and one mesh is asked for; render, animate, view, build, query and verify take such \
+         scenes"
+    )]
     ManyObjects(String),
     /// A file that is not of a known format.
     #[error(
-        "`{0}` is neither a .obj file nor a built-in scene; the built-in ones are {names}",
+        "`{0}` is neither a .obj file nor of another format that is read ({formats}), nor a built-in scene; the built-in ones are {names}",
+        formats = FORMATS,
         names = builtin::names()
     )]
     UnknownFormat(String),
@@ -178,7 +204,8 @@ impl Scene {
     /// The index of a normal or a texture coordinate at a corner that has none.
     pub const NONE: u32 = u32::MAX;
 
-    /// Opens a scene by what a user writes: the path of an .obj file, or `builtin:NAME[:SIZE]`. A path
+    /// Opens a scene by what a user writes: the path of an .obj file, of a .ply, .stl, .gltf or .glb file where the features of
+    /// those names are on, or `builtin:NAME[:SIZE]`. The instances of a glTF file are one mesh in the world, in the first frame. A path
     /// need not be UTF-8.
     ///
     /// # Errors
@@ -210,6 +237,14 @@ impl Scene {
         #[cfg(feature = "ply")]
         if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ply")) {
             return Ok(ply::read(path, options)?);
+        }
+        #[cfg(feature = "stl")]
+        if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("stl")) {
+            return Ok(stl::read(path, options)?);
+        }
+        #[cfg(feature = "gltf")]
+        if gltf::is_named_by(path) {
+            return Ok(gltf::read_flat(path, options)?);
         }
         #[cfg(feature = "json")]
         if InstancedScene::is_named_by(spec) {
@@ -281,6 +316,33 @@ impl Scene {
         let runs = starts.iter().zip(ends).filter(|(group, _)| is_named(group));
         let runs = runs.map(|(group, end)| group.first_triangle..end);
         runs.filter(|run| !run.is_empty()).collect()
+    }
+
+    /// The triangles of all groups and objects by whether it is an object and its name: what [`Scene::triangles_of`] gives of each, for who asks
+    /// for many.
+    #[cfg(feature = "json")]
+    fn triangles_by_group(&self) -> HashMap<(bool, &str), Vec<std::ops::Range<u32>>> {
+        let mut all: HashMap<(bool, &str), Vec<std::ops::Range<u32>>> = HashMap::new();
+        for is_object in [false, true] {
+            let starts: Vec<&Group> =
+                self.groups.iter().filter(|group| group.is_object == is_object).collect();
+            let ends = starts.iter().skip(1).map(|group| group.first_triangle);
+            for (group, end) in starts.iter().zip(ends.chain([self.indices.len() as u32])) {
+                let run = group.first_triangle..end;
+                if run.is_empty() {
+                    continue;
+                }
+                let words = group.name.split_ascii_whitespace().filter(|_| !is_object);
+                for name in words.chain([group.name.as_str()]) {
+                    let runs = all.entry((is_object, name)).or_default();
+                    // A name that is given twice, or is the only word.
+                    if runs.last() != Some(&run) {
+                        runs.push(run.clone());
+                    }
+                }
+            }
+        }
+        all
     }
 
     /// Whether the scene brings light: lights of its own, or triangles that shine.

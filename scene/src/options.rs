@@ -7,6 +7,9 @@ pub struct SceneOptions {
     pub materials: MaterialRule,
     /// Whether the textures that materials name are read.
     pub textures: bool,
+    /// Whether the pictures of `map_d`, which say where surfaces have holes, are read: see [`Scene::cutouts`](crate::Scene::cutouts). Scene files of
+    /// many objects read them in any case.
+    pub cutouts: bool,
     /// Most bytes that the texels of all textures together may take, four a texel. Textures are
     /// halved, the largest first, until they fit.
     pub texture_limit: u64,
@@ -37,6 +40,7 @@ impl Default for SceneOptions {
         SceneOptions {
             materials: MaterialRule::default(),
             textures: true,
+            cutouts: false,
             texture_limit: SceneOptions::TEXTURE_LIMIT,
             decode_limit: SceneOptions::DECODE_LIMIT,
             file_limit: None,
@@ -58,6 +62,10 @@ impl Default for SceneOptions {
 /// 3. **Mirror**: where `Kd` is black and there is no texture, the colour of a mirror or metal is all
 ///    in `Ks`, which is mirrored.
 /// 4. **Diffuse**: everything else scatters `Kd`, times the texture `map_Kd`.
+///
+/// Mirrors and clear bodies are rough by `Pr`, from 0 to 1. Without it `Ns` says how rough they are, as Phong's exponent: the roughness is
+/// `(2 / (Ns + 2))^(1/4)`, whose square is the width of slopes (Walter et al. 2007); but where `illum` is 3 to 9, rays are traced as from a smooth
+/// surface and `Ns` says nothing.
 ///
 /// `Ke` shines whatever else applies. `d` counts where both `d` and `Tr` are given. A black or
 /// missing `Kd` under a texture is white, else the texture could not be seen. Where mirrored and

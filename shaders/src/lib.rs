@@ -12,7 +12,9 @@ mod render;
 mod table;
 
 pub use continued::{continue_lists, parts_by_halves};
-pub use embed::{TRAVERSAL_BINDING_COUNT, TriangleTest, traversal, traversal_bindings};
+pub use embed::{
+    TRAVERSAL_BINDING_COUNT, TriangleTest, filtered_traversal, traversal, traversal_bindings,
+};
 pub use query::query;
 pub use render::{RenderFeatures, has_tail, render_parts, render_retry, render_settle};
 pub use table::{

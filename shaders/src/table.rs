@@ -47,7 +47,6 @@ library! {
     DECISION "decision"
     BALLOT "ballot"
     SMALL_NODE "small_node"
-    SIDES "sides"
     MIDDLE "middle"
     WIDE_SCAN "wide_scan"
     SHORT_SCAN "short_scan"
@@ -137,7 +136,7 @@ shaders! {
         "count_children": ARITHMETIC AABB LAYOUT KERNEL CHUNK_STATE CHUNK_STATE_STORE WIDE_SCAN;
         "allocate_children": ARITHMETIC AABB LAYOUT KERNEL SHORT_SCAN;
         "scatter_references": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE SPLIT SAH CORNERS CHUNK_STATE CHILDREN;
-        "build_middle": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE SPLIT SAH WIDE CORNERS SIDES MIDDLE WIDE_SCAN;
+        "build_middle": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE SPLIT SAH WIDE CORNERS MIDDLE WIDE_SCAN;
         "scan_middle": LAYOUT KERNEL SCAN;
         "place_middle": LAYOUT KERNEL MIDDLE;
         "build_small": ARITHMETIC AABB LAYOUT KERNEL SPLIT SAH NODE SMALL_NODE;

@@ -75,6 +75,7 @@ async function openFile(file) {
 
 function openBuiltin() {
     const name = $("scene").value;
+    $("file").value = "";
     open({ builtin: name, name });
 }
 
@@ -116,6 +117,7 @@ const hears = {
         if (canvas.width !== job.width || canvas.height !== job.height) [canvas.width, canvas.height] = [job.width, job.height];
         context.imageSmoothingEnabled = width === job.width;
         context.drawImage(small, 0, 0, job.width, job.height);
+        window.firstPicture ??= performance.now();
         if (width !== job.width) return;
         const rays = paths + shadows;
         if (samples === 1 && job.view === 0) {

@@ -82,7 +82,7 @@ function open({ builtin, file, name }) {
     const words = new raw.Words(Math.ceil(file.byteLength / 4));
     try {
         new Uint8Array(memory.buffer, words.pointer(), file.byteLength).set(new Uint8Array(file));
-        return raw.Page.obj(words, file.byteLength, name);
+        return raw.Page.read(words, file.byteLength, name);
     } finally {
         words.free();
     }
@@ -156,9 +156,9 @@ onmessage = async ({ data }) => {
 
 try {
     ({ memory } = await load());
-    const scenes = raw.builtinScenes();
+    const scenes = raw.Page.builtinScenes();
     const named = scenes.filter((_, place) => place % 2 === 0).map((name, place) => ({ name, shows: scenes[2 * place + 1] }));
-    tell("ready", { scenes: named, mostBytes: raw.mostBytes(), version: raw.version(), instructionSet: raw.instructionSet() });
+    tell("ready", { scenes: named, mostBytes: raw.Page.mostBytes(), version: raw.version(), instructionSet: raw.instructionSet() });
 } catch (error) {
     tell("failed", { text: `the compiled part cannot be loaded: ${error.message ?? error}`, isDead: false });
 }

@@ -4,11 +4,12 @@ mod heat;
 mod orbit;
 
 use js_sys::Function;
-use splitplane::objects::SceneBuildError;
 use splitplane::render::{Outputs, RenderSettings, Size};
 use splitplane::scene::{Placement, Scene, View, builtin, obj};
 use splitplane::tracer::{FrameRequest, Tracer, TracerError};
 use splitplane::{BuildOptions, CpuBackend, QueryOptions};
+use splitplane_scene::ply;
+use std::path::Path;
 use wasm_bindgen::prelude::*;
 
 use crate::failure::Failure;
@@ -47,25 +48,25 @@ impl From<TracerError> for Failure {
     fn from(error: TracerError) -> Failure {
         match error {
             TracerError::Build(error) => error.into(),
-            TracerError::Scene(error) => Failure::from::<SceneBuildError>(error),
+            TracerError::Scene(error) => error.into(),
             error => Failure::new("query", error.to_string()),
         }
     }
 }
 
-/// The built-in scenes: names and what they show, in turn.
-#[wasm_bindgen(js_name = builtinScenes)]
-pub fn builtin_scenes() -> Vec<String> {
-    builtin::ALL
-        .iter()
-        .flat_map(|(name, shows)| [(*name).to_owned(), (*shows).to_owned()])
-        .collect()
-}
-
-/// The most bytes of a file that are read.
-#[wasm_bindgen(js_name = mostBytes)]
-pub fn most_bytes() -> u32 {
-    MOST_BYTES
+fn scene(bytes: &[u8], name: &str) -> Result<Scene, Failure> {
+    let path = Path::new(name);
+    let ending = path.extension().unwrap_or_default();
+    if ending.eq_ignore_ascii_case("ply") {
+        return ply::parse(bytes, path).map_err(|error| Failure::new("file", error.to_string()));
+    }
+    if !ending.eq_ignore_ascii_case("obj") {
+        let text = format!("the page reads .obj and .ply files, and `{name}` is neither");
+        return Err(Failure::new("file", text));
+    }
+    let text = std::str::from_utf8(bytes)
+        .map_err(|error| Failure::new("file", format!("the file is no text: {error}")))?;
+    obj::parse(text, name).map_err(|error| Failure::new("file", error.to_string()))
 }
 
 impl Page {
@@ -85,14 +86,28 @@ impl Page {
 
 #[wasm_bindgen]
 impl Page {
+    /// The built-in scenes: names and what they show, in turn.
+    #[wasm_bindgen(js_name = builtinScenes)]
+    pub fn builtin_scenes() -> Vec<String> {
+        let both = |(name, shows): &(&str, &str)| [(*name).to_owned(), (*shows).to_owned()];
+        builtin::ALL.iter().flat_map(both).collect()
+    }
+
+    /// The most bytes of a file that are read.
+    #[wasm_bindgen(js_name = mostBytes)]
+    pub fn most_bytes() -> u32 {
+        MOST_BYTES
+    }
+
     /// A built-in scene.
     pub fn builtin(name: &str) -> Result<Page, JsValue> {
         let scene = builtin::open(name);
         Ok(Page::of(scene.map_err(|error| Failure::new("file", error.to_string()))?))
     }
 
-    /// The scene of an OBJ file, `length` bytes from the start of `file`. Its materials are clay: files that it names are not read.
-    pub fn obj(file: &Words, length: u32, name: &str) -> Result<Page, JsValue> {
+    /// The scene of an OBJ or PLY file, `length` bytes from the start of `file`, by the ending of its name. Materials are clay: files that an
+    /// OBJ file names are not read.
+    pub fn read(file: &Words, length: u32, name: &str) -> Result<Page, JsValue> {
         let bytes = file.bytes().get(..length as usize);
         let bytes = bytes.ok_or_else(|| Failure::range("file", 0, length, file.bytes().len()))?;
         if length > MOST_BYTES {
@@ -100,10 +115,7 @@ impl Page {
                 format!("the file has {length} bytes, and {MOST_BYTES} are the most that are read");
             return Err(Failure::new("file", text).into());
         }
-        let text = std::str::from_utf8(bytes)
-            .map_err(|error| Failure::new("file", format!("the file is no text: {error}")))?;
-        let scene = obj::parse(text, name);
-        Ok(Page::of(scene.map_err(|error| Failure::new("file", error.to_string()))?))
+        Ok(Page::of(scene(bytes, name)?))
     }
 
     /// How many triangles.

@@ -251,6 +251,8 @@ impl Capacities {
     pub(crate) fn bytes_of(&self, buffer: Buffer) -> u64 {
         let bytes = match buffer {
             Buffer::Input => self.input_bytes,
+            // Kernels read four words at a time.
+            Buffer::Triangles => (36 * u64::from(self.triangles)).next_multiple_of(16),
             _ => u64::from(self.of(buffer)) * buffer.element_size() as u64,
         };
         if self.by_halves && is_long(buffer) { halves::bytes_in_halves(bytes) } else { bytes }
@@ -487,6 +489,19 @@ mod tests {
         for buffer in Capacities::BUFFERS {
             let most = if is_long(buffer) { halves_limit } else { binding_limit };
             assert!(within.bytes_of(buffer) <= most(&limits).0, "{buffer:?}");
+        }
+    }
+
+    /// Kernels read the nine words of a triangle as three elements of four words: the last one has them all.
+    #[test]
+    fn triangles_are_padded_to_four_words() {
+        for triangles in 0..9u32 {
+            let bytes =
+                Capacities { triangles, ..Capacities::estimate(9, &BuildConfig::default()) }
+                    .bytes_of(Buffer::Triangles);
+            let last = u64::from((9 * triangles).saturating_sub(9) / 4 + 3);
+            assert!(triangles == 0 || bytes >= 16 * last, "{triangles}");
+            assert!(bytes.is_multiple_of(16) && bytes < u64::from(36 * triangles) + 16);
         }
     }
 

@@ -7,7 +7,7 @@ use library::Stage;
 use crate::entry::{entry, splitplane_last_message};
 use crate::handle::{Lists, Tree, free, get, insert};
 use crate::lists::Object;
-use crate::options::stage_name;
+use crate::progress::stage_name;
 use crate::status::{Failure, Status};
 
 fn message() -> String {

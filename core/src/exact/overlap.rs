@@ -254,7 +254,11 @@ fn segment_meets<N: Number>(p: &[f32; 3], q: &[f32; 3], triangle: &Triangle) -> 
     let turns = [[a, b], [b, c], [c, a]].map(|[from, to]| volume::<N>(p, q, from, to).sign());
     let all = |test: fn(Ordering) -> bool| {
         let known = |sign: &Option<Ordering>| sign.map(test);
-        turns.iter().fold(Some(true), |all, sign| both(all, || known(sign)))
+        let mut all = Some(true);
+        for sign in &turns {
+            all = both(all, || known(sign));
+        }
+        all
     };
     either(all(Ordering::is_ge), || all(Ordering::is_le))
 }
@@ -370,7 +374,7 @@ impl Predicate for InPlanes<'_> {
 fn shared<N: Number>(halves: &[Vector<N>], i: usize, j: usize) -> Option<bool> {
     let point = cross(&halves[i], &halves[j]);
     let sum = point[0].plus(&point[1]).plus(&point[2]);
-    let Some(side) = sum.sign() else { return None };
+    let side = sum.sign()?;
     if side.is_eq() {
         return Some(false);
     }

@@ -10,6 +10,7 @@ mod all_hits;
 mod block;
 mod built;
 mod closest_point;
+mod cost;
 mod filtered;
 mod host;
 mod locate;
