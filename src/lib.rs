@@ -46,7 +46,7 @@
 //! # Features
 //!
 //! `cpu` (default) is the rayon backend, `wgpu` the GPU backend. `scene` has scenes, cameras and the built-in
-//! scenes; `obj`, `textures` and `animation` read files of them. `render` adds the ray tracer and `picture`
+//! scenes; `obj`, `ply`, `stl`, `gltf`, `textures` and `animation` read files of them. `render` adds the ray tracer and `picture`
 //! the files that it gives. `verify` checks answers against a reference; `parity` compares CPU and GPU.
 //! Only the features you enable are compiled.
 //!
@@ -63,6 +63,7 @@
 //! | find what meets a box, a ball, a capsule, a frustum, another mesh | [`Accelerator::overlaps`], [overlaps] |
 //! | find the nearest of a cloud of points | [`points`] |
 //! | trace shadow rays and reflections | [shadows], [choose an accuracy] |
+//! | make pictures with light by paths and photons | [light by paths and photons] |
 //! | save and load a tree, pin it in a test | [`core::tree::file`], [`Backend::load`], [`Digest`], [keep a tree] |
 //! | filter triangles, write your own query | [`KdTree::visit_along`], [`KdTree::find_best`], [custom queries] |
 //! | write your own backend or executor | [`Backend`], [custom backends], [custom executors] |
@@ -82,6 +83,7 @@
 //! [choose an accuracy]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/accuracy.md
 //! [keep a tree]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/keep.md
 //! [closest points]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/near.md
+//! [light by paths and photons]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/light.md
 //! [overlaps]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/overlaps.md
 //! [custom queries]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/query.md
 //! [custom backends]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/own_backend.md
@@ -168,6 +170,9 @@ mod guide {
         scenes,
         start
     );
+
+    #[cfg(all(feature = "render", feature = "scene"))]
+    pages!(light);
 
     #[cfg(feature = "wgpu")]
     pages!(shader);

@@ -9,10 +9,11 @@ mod poison;
 use std::sync::{Arc, OnceLock};
 
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
+use splitplane_core::build::compress::{Reference, compress, most_nodes};
 use splitplane_core::build::lockstep::{Lockstep, LockstepError};
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::kernel::CompressKernel;
-use splitplane_core::query::compressed::{CompressedNodes, Reference, compress, most_nodes};
+use splitplane_core::query::compressed::CompressedNodes;
 use splitplane_core::ray::{Hit, QueryOptions};
 use splitplane_core::triangle::{Triangle, prepare};
 use splitplane_cpu::{CpuAccelerator, CpuBackend};

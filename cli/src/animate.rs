@@ -30,7 +30,7 @@ const SAMPLES: u32 = 1;
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
-    /// An .obj file, a .json scene file or builtin:NAME[:SIZE]
+    /// An .obj, .ply, .stl, .gltf or .glb file, a .json scene file, or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE", default_value = DEFAULT_SCENE)]
     scene: OsString,
     /// How the scene moves: a folder of .obj files in the order of their names, or NAME.frames.bin with
@@ -178,6 +178,7 @@ fn format_of(path: &Path) -> Result<MovieFormat, Failure> {
 impl Arguments {
     fn animate(&self, format: Option<MovieFormat>) -> Result<(), Failure> {
         let Arguments { look, common, .. } = self;
+        look.check_transport()?;
         if InstancedScene::is_named_by(&self.scene) {
             return self.animate_objects(format);
         }

@@ -6,7 +6,7 @@ use splitplane::points::PointBuildError;
 use splitplane::render::{PlanError, RenderError};
 use splitplane::scene::instanced::{InstancedError, SceneFileProblem};
 use splitplane::scene::obj::{ObjError, ObjProblem};
-use splitplane::scene::{AnimationError, SceneError};
+use splitplane::scene::{AnimationError, MeshFileError, MeshFileProblem, SceneError};
 use splitplane::tracer::TracerError;
 use splitplane::{BuildError, DeviceError, MeshError, OpenError, QueryError};
 use splitplane_measure::paper::ReportError;
@@ -83,6 +83,7 @@ impl From<SceneError> for Failure {
                 Failure::usage(format!("{error}; `splitplane --help` lists the verbs"))
             }
             SceneError::Obj(obj) => from_obj(obj, error.to_string()),
+            SceneError::MeshFile(file) => from_mesh_file(file, error.to_string()),
             SceneError::ManyObjects(_) => Failure::usage(error.to_string()),
             SceneError::File(file) => match &*file.problem {
                 SceneFileProblem::Obj(obj) => from_obj(obj, error.to_string()),
@@ -98,6 +99,15 @@ impl From<SceneError> for Failure {
 fn from_obj(error: &ObjError, message: String) -> Failure {
     match error.problem {
         ObjProblem::TooLong { .. } => Failure::limit(message + "; --max-file allows more"),
+        ref problem if problem.is_limit() => Failure::limit(message),
+        _ => Failure::file(message),
+    }
+}
+
+/// A run that a file of another format ends, with the option that may help.
+fn from_mesh_file(error: &MeshFileError, message: String) -> Failure {
+    match error.problem {
+        MeshFileProblem::TooLong { .. } => Failure::limit(message + "; --max-file allows more"),
         ref problem if problem.is_limit() => Failure::limit(message),
         _ => Failure::file(message),
     }
@@ -249,8 +259,11 @@ impl From<TracerError> for Failure {
                 let code = match &error {
                     RenderError::Plan(PlanError::TooLarge { .. })
                     | RenderError::PixelTooDeep { .. }
+                    | RenderError::TooManyPhotons { .. }
                     | RenderError::Appearance(_) => LIMIT,
                     RenderError::Plan(_) => USAGE,
+                    RenderError::PhotonMap(PointBuildError::Cancelled { .. }) => CANCELLED,
+                    RenderError::PhotonMap(_) => LIMIT,
                     #[cfg(feature = "wgpu")]
                     RenderError::ExactOnDevice => USAGE,
                     #[cfg(feature = "wgpu")]
@@ -412,12 +425,23 @@ mod tests {
         assert_eq!(Failure::from(QueryError::LengthMismatch { rays: 1, results: 2 }).code, BUG);
     }
 
+    /// Nor can these: photons are cancelled with the frame, and few enough to fit.
+    #[test]
+    fn photons_have_their_codes() {
+        let of = |error: RenderError| Failure::from(TracerError::Render(error)).code;
+        let cancelled = PointBuildError::Cancelled { done: 1, total: 2 };
+        let memory = PointBuildError::OutOfMemory { needed: 2, limit: 1 };
+        assert_eq!(of(RenderError::PhotonMap(cancelled)), CANCELLED);
+        assert_eq!(of(RenderError::PhotonMap(memory)), LIMIT);
+        assert_eq!(of(RenderError::TooManyPhotons { photons: 9, needed: 2, allowed: 1 }), LIMIT);
+    }
+
     /// Libraries say what is wrong; which option helps is said here.
     #[test]
     fn errors_of_libraries_name_no_option_and_failures_do() {
         let problem = ObjProblem::TooLong { limit: 7 };
         let obj = ObjError { file: "a.obj".into(), line: None, problem };
-        let unknown = SceneError::UnknownFormat("a.stl".into());
+        let unknown = SceneError::UnknownFormat("a.dae".into());
         for (error, hint) in [
             (SceneError::Obj(obj), "; --max-file allows more"),
             (unknown, "; `splitplane --help` lists the verbs"),

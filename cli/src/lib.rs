@@ -8,6 +8,7 @@ mod animate;
 mod bug;
 mod build;
 pub mod cloud;
+mod convert;
 mod distances;
 mod ending;
 pub mod failure;
@@ -49,7 +50,8 @@ use std::process::ExitCode;
 
 /// SAH kd-trees for ray tracing: pictures, trees, ray queries and checks.
 ///
-/// Without a verb, renders. SCENE is the path of an .obj file, a .json or .scene file of many objects, or builtin:NAME[:SIZE].
+/// Without a verb, renders. SCENE is the path of an .obj, .ply, .stl, .gltf or .glb file, of a .json or .scene file of many objects, or
+/// builtin:NAME[:SIZE].
 #[derive(Parser)]
 #[command(name = "splitplane", version, args_conflicts_with_subcommands = true)]
 #[command(after_help = EXIT_CODES)]
@@ -86,6 +88,8 @@ enum Verb {
     Paper(paper::Arguments),
     /// Measure what each setting costs on a scene and what it gets wrong, and recommend one.
     Trade(trade::Arguments),
+    /// Write a scene as .ply or .glb.
+    Convert(convert::Arguments),
     /// Look at a scene in a window: orbit, fly, debug views, boxes of the tree.
     #[cfg(feature = "viewer")]
     View(view::Arguments),
@@ -116,6 +120,7 @@ impl Cli {
             Some(Verb::Parity(arguments)) => &arguments.common,
             Some(
                 Verb::Adapters(_)
+                | Verb::Convert(_)
                 | Verb::Paper(_)
                 | Verb::Points(_)
                 | Verb::Trade(_)
@@ -166,6 +171,7 @@ pub fn main() -> ExitCode {
         Some(Verb::Verify(arguments)) => verify::run(&arguments),
         Some(Verb::Adapters(arguments)) => adapters::run(&arguments),
         Some(Verb::Parity(arguments)) => parity::run(&arguments),
+        Some(Verb::Convert(arguments)) => convert::run(&arguments),
         Some(Verb::Paper(arguments)) => paper::run(&arguments),
         Some(Verb::Trade(arguments)) => trade::run(&arguments),
         #[cfg(feature = "viewer")]

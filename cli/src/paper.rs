@@ -32,7 +32,7 @@ const MOST_SCENES: usize = 26;
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
-    /// A scene to measure, an .obj file or builtin:NAME[:SIZE]; may be given many times. @LIGHTS behind
+    /// A scene to measure, an .obj, .ply, .stl, .gltf or .glb file or builtin:NAME[:SIZE]; may be given many times. @LIGHTS behind
     /// it, 1 to 8, gives it that many lights, placed unless it brings as many; built-in scenes of the
     /// paper's sizes and numbers of lights when left out
     #[arg(long, value_name = "SCENE[@LIGHTS]", value_parser = asked())]

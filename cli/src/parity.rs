@@ -7,7 +7,7 @@ use std::ffi::OsString;
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
-    /// An .obj file or builtin:NAME[:SIZE]
+    /// An .obj, .ply, .stl, .gltf or .glb file, or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE")]
     #[cfg_attr(not(feature = "wgpu"), allow(dead_code, reason = "there is no GPU to compare"))]
     scene: OsString,

@@ -21,7 +21,7 @@ const SEED: u64 = 1;
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
-    /// An .obj file or builtin:NAME[:SIZE]
+    /// An .obj, .ply, .stl, .gltf or .glb file, or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE")]
     scene: OsString,
     /// Random lines to trace through the bounds

@@ -30,7 +30,7 @@ const SECONDS: u32 = 150;
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
-    /// Path of an .obj file, or builtin:NAME[:SIZE]
+    /// Path of an .obj, .ply, .stl, .gltf or .glb file, or builtin:NAME[:SIZE]
     #[arg(required_unless_present = "compare")]
     scene: Option<OsString>,
     /// Folder for the report; made when it is not there. `trade` when left out; with --compare nothing

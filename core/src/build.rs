@@ -2,6 +2,8 @@
 //! specification.
 
 pub mod bins;
+#[cfg(feature = "alloc")]
+pub mod compress;
 pub mod decide;
 #[cfg(feature = "alloc")]
 pub mod lockstep;

@@ -5,7 +5,9 @@ mod boxes;
 mod cutout;
 #[cfg(feature = "json")]
 mod file;
-#[cfg(feature = "json")]
+#[cfg(feature = "gltf")]
+mod flat;
+#[cfg(any(feature = "gltf", feature = "json"))]
 mod part;
 mod pose;
 #[cfg(feature = "json")]
@@ -249,6 +251,20 @@ impl InstancedScene {
     /// Whether the scene brings light: lights of its own, or instances that shine.
     pub fn is_lit(&self) -> bool {
         !self.parts.lights.is_empty() || boxes::shines(self)
+    }
+}
+
+impl From<Scene> for InstancedScene {
+    /// One geometry, and one instance of it in place.
+    fn from(parts: Scene) -> InstancedScene {
+        let name = parts.name.clone();
+        let (vertices, triangles) =
+            (0..parts.positions.len() as u32, 0..parts.indices.len() as u32);
+        let geometries =
+            vec![Geometry { name: name.clone(), vertices, triangles, ..Geometry::default() }];
+        let instances = vec![Placed::new(0, Pose::IDENTITY.transform())];
+        let (frames, seconds_per_frame) = (1, 1.0 / 24.0);
+        InstancedScene { name, parts, geometries, instances, frames, seconds_per_frame }
     }
 }
 

@@ -11,8 +11,10 @@ mod camera;
 #[cfg(feature = "obj")]
 #[doc(hidden)]
 pub mod from_file;
+#[cfg(feature = "gltf")]
+pub mod gltf;
 pub mod instanced;
-#[cfg(any(feature = "ply", feature = "stl"))]
+#[cfg(any(feature = "gltf", feature = "ply", feature = "stl"))]
 mod mesh_file;
 mod normals;
 #[cfg(feature = "obj")]
@@ -22,6 +24,8 @@ mod options;
 mod placement;
 #[cfg(feature = "ply")]
 pub mod ply;
+#[cfg(feature = "stl")]
+pub mod stl;
 #[doc(hidden)]
 pub mod surface;
 
@@ -29,7 +33,7 @@ pub mod surface;
 pub use animation::{Animation, AnimationError, Change};
 pub use camera::{Camera, CameraError};
 pub use instanced::InstancedScene;
-#[cfg(any(feature = "ply", feature = "stl"))]
+#[cfg(any(feature = "gltf", feature = "ply", feature = "stl"))]
 pub use mesh_file::{MeshFileError, MeshFileProblem, Place};
 pub use options::{MaterialRule, SceneOptions};
 pub use placement::{Placement, View};
@@ -134,6 +138,18 @@ impl Notes {
     }
 }
 
+/// Endings of other files that this build reads.
+const FORMATS: &str = match (cfg!(feature = "gltf"), cfg!(feature = "ply"), cfg!(feature = "stl")) {
+    (true, true, true) => ".ply, .stl, .gltf, .glb",
+    (true, true, false) => ".ply, .gltf, .glb",
+    (true, false, true) => ".stl, .gltf, .glb",
+    (true, false, false) => ".gltf, .glb",
+    (false, true, true) => ".ply, .stl",
+    (false, true, false) => ".ply",
+    (false, false, true) => ".stl",
+    (false, false, false) => "none in this build",
+};
+
 /// Why there is no scene.
 #[derive(Debug, Error)]
 #[non_exhaustive]
@@ -143,7 +159,7 @@ pub enum SceneError {
     #[error(transparent)]
     Obj(#[from] obj::ObjError),
     /// A file of a mesh in another format that cannot be read.
-    #[cfg(any(feature = "ply", feature = "stl"))]
+    #[cfg(any(feature = "gltf", feature = "ply", feature = "stl"))]
     #[error(transparent)]
     MeshFile(#[from] MeshFileError),
     /// A built-in scene that does not exist, or a size it cannot have.
@@ -161,7 +177,8 @@ pub enum SceneError {
     ManyObjects(String),
     /// A file that is not of a known format.
     #[error(
-        "`{0}` is neither a .obj file nor a built-in scene; the built-in ones are {names}",
+        "`{0}` is neither a .obj file nor of another format that is read ({formats}), nor a built-in scene; the built-in ones are {names}",
+        formats = FORMATS,
         names = builtin::names()
     )]
     UnknownFormat(String),
@@ -187,7 +204,8 @@ impl Scene {
     /// The index of a normal or a texture coordinate at a corner that has none.
     pub const NONE: u32 = u32::MAX;
 
-    /// Opens a scene by what a user writes: the path of an .obj file, or `builtin:NAME[:SIZE]`. A path
+    /// Opens a scene by what a user writes: the path of an .obj file, of a .ply, .stl, .gltf or .glb file where the features of
+    /// those names are on, or `builtin:NAME[:SIZE]`. The instances of a glTF file are one mesh in the world, in the first frame. A path
     /// need not be UTF-8.
     ///
     /// # Errors
@@ -219,6 +237,14 @@ impl Scene {
         #[cfg(feature = "ply")]
         if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ply")) {
             return Ok(ply::read(path, options)?);
+        }
+        #[cfg(feature = "stl")]
+        if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("stl")) {
+            return Ok(stl::read(path, options)?);
+        }
+        #[cfg(feature = "gltf")]
+        if gltf::is_named_by(path) {
+            return Ok(gltf::read_flat(path, options)?);
         }
         #[cfg(feature = "json")]
         if InstancedScene::is_named_by(spec) {

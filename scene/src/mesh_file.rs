@@ -88,7 +88,7 @@ pub enum MeshFileProblem {
     #[error("it has no points")]
     NoPoints,
     /// More of something than can be numbered.
-    #[error("it has more than {most} {what}, the most that are read; split it")]
+    #[error("it has more than {most} {what}, the most that there can be; split it")]
     TooMany {
         /// What.
         what: &'static str,

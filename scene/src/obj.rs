@@ -17,7 +17,7 @@ mod reader;
 mod rule;
 mod said;
 #[cfg(feature = "textures")]
-mod textures;
+pub(crate) mod textures;
 
 pub use error::{Element, ObjError, ObjProblem};
 

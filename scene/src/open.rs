@@ -8,18 +8,22 @@ use std::ffi::OsStr;
 use std::path::Path;
 
 impl InstancedScene {
-    /// Whether what a user writes names a scene of many objects: the path of a .json file, of a .scene file, which holds what was built, or
-    /// one of the built-in ones.
+    /// Whether what a user writes names a scene of many objects: the path of a .json, .gltf or .glb file, of a .scene file, which holds what
+    /// was built, or one of the built-in ones.
     pub fn is_named_by(spec: impl AsRef<OsStr>) -> bool {
         let spec = spec.as_ref();
         if let Some(name) = spec.to_str().and_then(|spec| spec.strip_prefix("builtin:")) {
             return builtin::is_instanced(name);
         }
+        #[cfg(feature = "gltf")]
+        if crate::gltf::is_named_by(Path::new(spec)) {
+            return true;
+        }
         let ending = Path::new(spec).extension();
         ending.is_some_and(|ending| ending.eq_ignore_ascii_case("json")) || is_saved(spec)
     }
 
-    /// Opens a scene by what a user writes: the path of a .json or .scene file, or `builtin:NAME[:SIZE]`. It is in its first frame.
+    /// Opens a scene by what a user writes: the path of a .json, .gltf, .glb or .scene file, or `builtin:NAME[:SIZE]`. It is in its first frame.
     ///
     /// # Errors
     /// There is no such scene, or one of its files is broken.
@@ -38,6 +42,10 @@ impl InstancedScene {
         let spec = spec.as_ref();
         if let Some(name) = spec.to_str().and_then(|spec| spec.strip_prefix("builtin:")) {
             return Ok(builtin::open_instanced(name)?);
+        }
+        #[cfg(feature = "gltf")]
+        if crate::gltf::is_named_by(Path::new(spec)) {
+            return Ok(crate::gltf::read(Path::new(spec), options)?);
         }
         #[cfg(feature = "json")]
         if is_saved(spec) {

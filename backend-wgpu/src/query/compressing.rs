@@ -1,12 +1,11 @@
-//! Compressed nodes made on the device from a tree that is there: see [`splitplane_core::query::compressed::compress`].
+//! Compressed nodes made on the device from a tree that is there: see [`splitplane_core::build::compress`].
 
+use splitplane_core::build::compress::{compress, most_nodes, root};
 use splitplane_core::kernel::{
     CompressBuffer, CompressCounter, CompressKernel, CompressUniform, Grid, NodeCompressor, Slot,
 };
 use splitplane_core::layout::{Compress, CompressCounters, Part};
-use splitplane_core::query::compressed::{
-    CHILDREN, CompressedNode, CompressedNodes, compress, most_nodes, root,
-};
+use splitplane_core::query::compressed::{CHILDREN, CompressedNode, CompressedNodes};
 use wgpu::BufferBinding;
 
 use super::pipelines::Queries;

@@ -1,8 +1,9 @@
 //! The kernel set that makes compressed nodes from a finished tree.
 
+use core::ops::{Index, IndexMut};
+
 use crate::kernel_set;
 use crate::layout::{CompressCounters, Part};
-use crate::query::compressed::{CHILDREN, CompressedNode};
 use crate::tree::node::KdNode;
 
 kernel_set! {
@@ -32,13 +33,13 @@ kernel_set! {
         /// The parts that become nodes: [`Part`].
         Parts "parts", size_of::<Part>(), live Queued;
         /// The children of each part of the batch: those that become nodes, then those that become leaves, then nothing.
-        Children "children", CHILDREN * size_of::<Part>(), live Waiting;
+        Children "children", 8 * size_of::<Part>(), live Waiting;
         /// How many children of each become nodes, and how many references the others have.
         ChildCounts "child_counts", 8, live Waiting;
         /// The first child that is a node, and the first reference.
         Places "places", 8, live Active;
-        /// [`CompressedNode`].
-        CompressedNodes "compressed_nodes", size_of::<CompressedNode>(), live Made;
+        /// [`CompressedNode`](crate::query::compressed::CompressedNode).
+        CompressedNodes "compressed_nodes", 80, live Made;
         /// Triangle indices, named by the leaves of compressed nodes.
         CompressedReferences "compressed_references", 4, live References;
     }
@@ -73,4 +74,28 @@ pub enum CompressCounter {
     References,
     /// Parts beyond the room of the queue; then nothing waits and nothing is active.
     Outgrown,
+}
+
+impl CompressCounters {
+    /// The counters before the first round: the root is queued.
+    pub fn at_start() -> CompressCounters {
+        let mut counters = CompressCounters::default();
+        counters[CompressCounter::Waiting] = 1;
+        counters[CompressCounter::Queued] = 1;
+        counters
+    }
+}
+
+impl Index<CompressCounter> for CompressCounters {
+    type Output = u32;
+
+    fn index(&self, counter: CompressCounter) -> &u32 {
+        &self.words[counter as usize]
+    }
+}
+
+impl IndexMut<CompressCounter> for CompressCounters {
+    fn index_mut(&mut self, counter: CompressCounter) -> &mut u32 {
+        &mut self.words[counter as usize]
+    }
 }

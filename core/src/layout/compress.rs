@@ -1,10 +1,6 @@
 //! The records of the kernels that make compressed nodes.
 
-use core::ops::{Index, IndexMut};
-
 use bytemuck::{Pod, Zeroable};
-
-use crate::kernel::CompressCounter;
 
 /// A part of a tree that becomes a compressed node or a leaf of one. 32 bytes.
 #[repr(C)]
@@ -39,34 +35,10 @@ pub struct Compress {
     pub part_room: u32,
 }
 
-/// The counters, by [`CompressCounter`].
+/// The counters, by [`CompressCounter`](crate::kernel::CompressCounter).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct CompressCounters {
     /// Their values; the last ones are not used.
     pub words: [u32; 8],
-}
-
-impl CompressCounters {
-    /// The counters before the first round: the root is queued.
-    pub fn at_start() -> CompressCounters {
-        let mut counters = CompressCounters::default();
-        counters[CompressCounter::Waiting] = 1;
-        counters[CompressCounter::Queued] = 1;
-        counters
-    }
-}
-
-impl Index<CompressCounter> for CompressCounters {
-    type Output = u32;
-
-    fn index(&self, counter: CompressCounter) -> &u32 {
-        &self.words[counter as usize]
-    }
-}
-
-impl IndexMut<CompressCounter> for CompressCounters {
-    fn index_mut(&mut self, counter: CompressCounter) -> &mut u32 {
-        &mut self.words[counter as usize]
-    }
 }

@@ -13,17 +13,15 @@
 //! bottom up; [`CompressedNodes::greedy`] follows a rule top down that a device can follow as well.
 
 mod encode;
-mod greedy;
 mod make;
 mod plan;
-mod reference;
 mod walk;
 
 use alloc::vec::Vec;
 
 pub use encode::CompressedChild;
-pub use greedy::{compress, most_nodes, root};
-pub use reference::Reference;
+pub(crate) use encode::{lower, upper};
+pub(crate) use make::share;
 
 use bytemuck::{Pod, Zeroable};
 

@@ -15,7 +15,7 @@ use thiserror::Error;
 const MAX_SIDE: u32 = 65_536;
 
 /// The textures of a scene under construction.
-pub(super) struct Album {
+pub(crate) struct Album {
     limit: u64,
     decode_limit: u64,
     /// Bytes that may be decoded yet.
@@ -32,7 +32,7 @@ pub(super) struct Album {
 impl Album {
     /// At most `limit` bytes of texels, and as many again as [`SceneOptions::decode_limit`] says while
     /// they are decoded.
-    pub(super) fn new(limit: u64, decode_limit: u64) -> Album {
+    pub(crate) fn new(limit: u64, decode_limit: u64) -> Album {
         Album {
             limit,
             decode_limit,
@@ -72,13 +72,33 @@ impl Album {
         texture
     }
 
+    /// The texture that bytes hold, named for messages. Obstacles become warnings. Equal bytes are not looked for.
+    #[cfg(feature = "gltf")]
+    pub(crate) fn add_bytes(&mut self, material: &str, name: &str, bytes: Vec<u8>) -> Option<u32> {
+        let picture = Picture::of_bytes(bytes, self.decode_limit);
+        match picture.and_then(|picture| self.keep(picture, name)) {
+            Ok(texture) => Some(texture),
+            Err(why) => {
+                self.over_limit += u64::from(matches!(why, Refusal::OverLimit { .. }));
+                self.warn(material, name, &why.to_string());
+                None
+            }
+        }
+    }
+
+    /// Says that a texture is left out for a reason of the caller's.
+    #[cfg(feature = "gltf")]
+    pub(crate) fn leave_out(&mut self, material: &str, name: &str, why: &str) {
+        self.warn(material, name, why);
+    }
+
     /// How many files were left out because decoding them takes more than [`SceneOptions::decode_limit`].
-    pub(super) fn over_limit(&self) -> u64 {
+    pub(crate) fn over_limit(&self) -> u64 {
         self.over_limit
     }
 
     /// The textures, and the notes on them.
-    pub(super) fn finish(self) -> (Vec<Texture>, Vec<String>) {
+    pub(crate) fn finish(self) -> (Vec<Texture>, Vec<String>) {
         let mut said = self.said.sentences();
         let count = self.halved.iter().filter(|halved| **halved).count();
         if count > 0 {
@@ -99,7 +119,10 @@ impl Album {
 
     /// Decodes a file at the size that fits, and halves those before it where necessary.
     fn read(&mut self, path: &Path, name: &str) -> Result<u32, Refusal> {
-        let picture = Picture::open(path, self.decode_limit)?;
+        self.keep(Picture::open(path, self.decode_limit)?, name)
+    }
+
+    fn keep(&mut self, picture: Picture, name: &str) -> Result<u32, Refusal> {
         let decoded = picture.decoder.total_bytes();
         if decoded > self.left {
             return Err(Refusal::Other(format!(
@@ -177,28 +200,51 @@ impl Picture {
     fn open(path: &Path, limit: u64) -> Result<Picture, Refusal> {
         let (mut file, length) =
             from_file::open_regular(path).map_err(|error| error.to_string())?;
-        let mut limits = Limits::default();
-        limits.max_image_width = Some(MAX_SIDE);
-        limits.max_image_height = Some(MAX_SIDE);
-        limits.max_alloc = Some(limit);
         // By its contents; formats without a mark of their own by the ending.
         let mut format = ImageFormat::from_path(path).ok();
         let guess = ImageReader::new(BufReader::new(&mut file)).with_guessed_format();
         format = guess.map_err(|error| error.to_string())?.format().or(format);
         file.seek(SeekFrom::Start(0)).map_err(|error| error.to_string())?;
-        let mut held = 0;
-        let mut times = 1;
-        let source: Box<dyn Source> = if format == Some(ImageFormat::Jpeg) {
+        if format == Some(ImageFormat::Jpeg) {
             let mut bytes = Vec::new();
             from_file::fill(file, length, limit / 2, &mut bytes)
                 .map_err(|_| Refusal::OverLimit { needed: length.saturating_mul(2), limit })?;
-            // Its decoder holds them a second time, and may hold all coefficients.
-            held = 2 * bytes.len() as u64;
-            times = if is_progressive(&bytes) { 4 } else { 1 };
-            Box::new(Cursor::new(bytes))
-        } else {
-            Box::new(BufReader::new(file))
-        };
+            return Picture::of_jpeg(bytes, limit);
+        }
+        Picture::of_source(Box::new(BufReader::new(file)), format, 0, 1, limit)
+    }
+
+    /// A picture that is in memory already.
+    #[cfg(feature = "gltf")]
+    fn of_bytes(bytes: Vec<u8>, limit: u64) -> Result<Picture, Refusal> {
+        let guess = ImageReader::new(Cursor::new(&bytes)).with_guessed_format();
+        let format = guess.map_err(|error| error.to_string())?.format();
+        match format {
+            Some(ImageFormat::Jpeg) => Picture::of_jpeg(bytes, limit),
+            _ => Picture::of_source(Box::new(Cursor::new(bytes)), format, 0, 1, limit),
+        }
+    }
+
+    fn of_jpeg(bytes: Vec<u8>, limit: u64) -> Result<Picture, Refusal> {
+        // Its decoder holds them a second time, and may hold all coefficients.
+        let held = 2 * bytes.len() as u64;
+        let times = if is_progressive(&bytes) { 4 } else { 1 };
+        let format = Some(ImageFormat::Jpeg);
+        Picture::of_source(Box::new(Cursor::new(bytes)), format, held, times, limit)
+    }
+
+    /// A picture whose decoder holds this many bytes, and some times as many as it gives.
+    fn of_source(
+        source: Box<dyn Source>,
+        format: Option<ImageFormat>,
+        held: u64,
+        times: u64,
+        limit: u64,
+    ) -> Result<Picture, Refusal> {
+        let mut limits = Limits::default();
+        limits.max_image_width = Some(MAX_SIDE);
+        limits.max_image_height = Some(MAX_SIDE);
+        limits.max_alloc = Some(limit);
         let mut reader = ImageReader::new(source);
         if let Some(format) = format {
             reader.set_format(format);

@@ -1,7 +1,7 @@
 //! Elements to triangles and points.
 
 use super::body::Body;
-use super::header::{Element, Header, Property, Type};
+use super::header::{Element, Header, Property};
 use crate::from_file::quoted;
 use crate::mesh_file::{Located, MeshFileProblem, room};
 use crate::{Material, Scene, normals};
@@ -255,16 +255,3 @@ fn skip_property(body: &mut Body<'_>, property: &Property) -> Result<(), Located
     };
     body.skip(count, property)
 }
-
-/// All types, for tests.
-#[cfg(test)]
-pub(super) const TYPES: [(&str, Type); 8] = [
-    ("char", Type::I8),
-    ("uint8", Type::U8),
-    ("short", Type::I16),
-    ("uint16", Type::U16),
-    ("int", Type::I32),
-    ("uint32", Type::U32),
-    ("float", Type::F32),
-    ("float64", Type::F64),
-];

@@ -10,7 +10,7 @@ use splitplane_core::error::QueryError;
 use splitplane_core::ray::Ray;
 use splitplane_core::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport};
 use splitplane_cpu::CpuBackend;
-use splitplane_fuzz_targets::{ALL, Target, build_tree, obj, scene_operations};
+use splitplane_fuzz_targets::{ALL, Target, build_tree, gltf, obj, ply, scene_operations, stl};
 use splitplane_test_support::faulty::{Fault, FaultyBackend};
 use splitplane_test_support::random::Random;
 use std::collections::BTreeSet;
@@ -228,6 +228,24 @@ fn faulty_readers_are_found() {
             Ok(scene)
         },
     ];
+    // One triangle less, and another order of corners.
+    assert!(is_found(3000, |bytes| ply::run_on(bytes, |bytes, path| {
+        let mut scene = splitplane::scene::ply::parse(bytes, path)?;
+        scene.indices.pop();
+        scene.material_of.pop();
+        Ok(scene)
+    })));
+    assert!(is_found(3000, |bytes| stl::run_on(bytes, |bytes, path| {
+        let mut scene = splitplane::scene::stl::parse(bytes, path)?;
+        scene.indices.iter_mut().for_each(|face| face.rotate_left(1));
+        Ok(scene)
+    })));
+    // A vertex elsewhere.
+    assert!(is_found(3000, |bytes| gltf::run_on(bytes, |bytes, path, options| {
+        let mut scene = splitplane::scene::gltf::parse(bytes, path, options)?;
+        scene.parts.positions[0][1] = 0.125;
+        Ok(scene)
+    })));
     assert!(!is_found(3000, |bytes| obj::run_on(bytes, parse)));
     for (i, fault) in faults.into_iter().enumerate() {
         assert!(is_found(3000, |bytes| obj::run_on(bytes, fault)), "fault {i}");

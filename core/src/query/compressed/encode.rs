@@ -30,12 +30,12 @@ pub(super) fn rounded_up(x: f64) -> f32 {
 }
 
 /// The float below a snapped one, snapped: below what rounds to that.
-pub(super) fn lower(x: f32) -> f32 {
+pub(crate) fn lower(x: f32) -> f32 {
     if x == 0.0 { -f32::MIN_POSITIVE } else { snap(x.next_down()).max(-f32::MAX) }
 }
 
 /// The float above a snapped one, likewise.
-pub(super) fn upper(x: f32) -> f32 {
+pub(crate) fn upper(x: f32) -> f32 {
     -lower(-x)
 }
 
@@ -75,7 +75,7 @@ fn above(place: f32) -> u32 {
 
 impl CompressedNode {
     /// Sets the boxes of the children: each holds the given one and a quantum more on every side.
-    pub(super) fn set_boxes(&mut self, boxes: &[Aabb]) {
+    pub(crate) fn set_boxes(&mut self, boxes: &[Aabb]) {
         let all = boxes.iter().fold(Aabb::EMPTY, |all, one| all.union(one));
         self.exponents = 0;
         self.sides = [[[u32::MAX; 3], [0; 3]]; 2];
@@ -107,7 +107,7 @@ impl CompressedNode {
     }
 
     /// Says what the children are: so many nodes, then leaves with so many references each.
-    pub(super) fn set_children(&mut self, nodes: usize, leaves: &[u32]) {
+    pub(crate) fn set_children(&mut self, nodes: usize, leaves: &[u32]) {
         self.first_reference |= (nodes as u32) << REFERENCE_BITS;
         let mut end = 0;
         for child in nodes..CHILDREN {

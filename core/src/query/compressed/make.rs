@@ -192,7 +192,7 @@ impl Plan<'_> {
 }
 
 /// Divides references among as many children as they need, at most `places`: where each begins, and how many it has.
-pub(super) fn share(first: u32, count: u32, places: u32) -> impl Iterator<Item = (u32, u32)> {
+pub(crate) fn share(first: u32, count: u32, places: u32) -> impl Iterator<Item = (u32, u32)> {
     let places = count.div_ceil(LEAF_MOST).min(places).max(1);
     let mut next = first;
     (0..places).map(move |place| {

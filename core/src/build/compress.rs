@@ -8,11 +8,15 @@
 //! stays one, unless it is too long: then it is a node, whose children share its references. Nodes and references come in the
 //! order of the nodes that they belong to.
 
-use super::CompressedNodes;
-use super::reference::Reference;
+mod reference;
+
+pub use reference::Reference;
+
+use crate::aabb::Aabb;
 use crate::build::schedule::Executor;
 use crate::kernel::{CompressCounter, CompressKernel, NodeCompressor};
 use crate::layout::{Compress, Part};
+use crate::query::compressed::CompressedNodes;
 use crate::query::intersect::SceneScale;
 use crate::query::traverse::Triangles;
 use crate::tree::KdTreeView;
@@ -35,7 +39,7 @@ pub fn compress<E: Executor<NodeCompressor>>(executor: &mut E) -> Result<(), E::
 }
 
 /// The part that is queued at first: the whole tree, by its bounds.
-pub fn root(bounds: &crate::aabb::Aabb) -> Part {
+pub fn root(bounds: &Aabb) -> Part {
     Part { lo: bounds.lo, first: 0, hi: bounds.hi, count: Part::SUBTREE }
 }
 

@@ -4,16 +4,16 @@ use alloc::vec::Vec;
 use core::convert::Infallible;
 use core::mem;
 
-use super::encode::{lower, upper};
-use super::greedy::root;
-use super::make::share;
-use super::{CHILDREN, CompressedNode, CompressedNodes, LEAF_MOST};
+use super::root;
 use crate::aabb::Aabb;
 use crate::arithmetic::{Arithmetic, Strict};
 use crate::build::lockstep::Inspect;
 use crate::build::schedule::Executor;
 use crate::kernel::{CompressBuffer, CompressCounter, CompressKernel, NodeCompressor};
 use crate::layout::{Compress, CompressCounters, Part};
+use crate::query::compressed::{
+    CHILDREN, CompressedNode, CompressedNodes, LEAF_MOST, lower, share, upper,
+};
 use crate::query::traverse::Triangles;
 use crate::tree::KdTreeView;
 use crate::tree::node::NodeKind;
