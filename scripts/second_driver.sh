@@ -6,12 +6,14 @@
 # SWIFTSHADER      libvk_swiftshader.so; otherwise that of an installed chromium, or one that is unpacked from Debian's
 #                  package chromium-common by apt-get, without installing it
 # SWIFTSHADER_LIBS folder with libraries that it needs and the system lacks, such as those of a chromium that is unpacked
-# BIN_DIR          folder with the program `splitplane`; without it, it is built
+# BIN_DIR          folder with the program `splitplane`, and with `examples/compile_shaders`; without it, they are built
 # OUT              where files and the log go; a folder that goes again by default
+# ADAPTER_SECONDS  what listing adapters may take; 30 by default
 # SECONDS_A_STEP   what each step may take; 600 by default
 # MEMORY_KIB       what each step may take of address space; 6000000 by default
 #
-# Each step is a process of its own within these limits. Adapters are listed within 30 seconds; a scene of 10,000 triangles is built by
+# Each step is a process of its own within these limits. Adapters are listed within 30 seconds of an idle machine; every shader by itself
+# compiles within 5 seconds of processor time and 1 GiB (`shaders.txt` and `shaders.json` in OUT); a scene of 10,000 triangles is built by
 # each preset in step with the CPU; hits of every kind by accuracies watertight and exact, points inside, and frames of 64x64, exact ones too, give the CPU's files,
 # byte for byte.
 #
@@ -47,9 +49,11 @@ fi
 if [ -n "${BIN_DIR:-}" ]; then
     program=$(cd "$BIN_DIR" && pwd)/splitplane
 else
-    (cd "$folder/.." && cargo build --locked --release -p splitplane-cli) || exit 1
+    (cd "$folder/.." && cargo build --locked --release -p splitplane-cli &&
+        cargo build --locked --release -p splitplane-wgpu --example compile_shaders) || exit 1
     program=$(cd "${CARGO_TARGET_DIR:-$folder/../target}/release" && pwd)/splitplane
 fi
+compile_shaders=$(dirname "$program")/examples/compile_shaders
 [ -x "$program" ] || { say "there is no $program"; exit 1; }
 
 printf '{"file_format_version": "1.0.0", "ICD": {"library_path": "%s", "api_version": "1.3.0"}}\n' \
@@ -92,8 +96,22 @@ same() {
 }
 
 : >"$out/log.txt"
-SPLITPLANE_DRIVER_SECONDS=25 step 30 "adapters" "$program" adapters || exit 1
+# With the program's own limits of time, in which a busy machine does not count; here it does.
+(unset SPLITPLANE_DRIVER_SECONDS && step "${ADAPTER_SECONDS:-30}" "adapters" "$program" adapters) || exit 1
 grep -qi swiftshader "$out/log.txt" || { say "SwiftShader is not among the adapters: see $out/log.txt"; exit 1; }
+
+if [ -x "$compile_shaders" ]; then
+    "$compile_shaders" SwiftShader swiftshader "$out/shaders.json" >"$out/shaders.txt"
+    status=$?
+    tail -n 1 "$out/shaders.txt" >&2
+    if [ "$status" -ne 0 ]; then
+        say "FAILED: shaders"
+        grep -E 'FAILED|TOO MUCH' "$out/shaders.txt" >&2
+        failed=1
+    fi
+else
+    say "there is no $compile_shaders: shaders are not compiled one by one"
+fi
 
 scene=${SCENE:-builtin:carousel:10000}
 for preset in fast balanced narrow; do

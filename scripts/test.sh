@@ -99,14 +99,58 @@ fi
 
 # The tests must not see the viewer: the program without it is what most people build, and cargo builds
 # the viewer's packages only where they are asked for.
-say "cargo test --workspace --exclude splitplane-viewer $*"
-cargo test --workspace --exclude splitplane-viewer "$@"
-
-[ -z "$selects" ] || exit 0
+tests=(--workspace --exclude splitplane-viewer)
+if [ -n "$selects" ]; then
+    say "cargo test ${tests[*]} $*"
+    cargo test "${tests[@]}" "$@"
+    exit
+fi
 
 # Without optimisation values take the most stack, and most programs are first built so.
 stack=(--profile dev -p splitplane-cpu --test stack)
+# Optimising the windowing and drawing crates would take longer than these tests do without it.
+viewer=(--profile dev -p splitplane-viewer -p splitplane-cli --features splitplane-cli/viewer --lib --bins --test viewer --test viewer_frames)
+case " ${build[*]-} " in
+*" --release "*) viewer=("${viewer[@]:2}") ;;
+esac
+
+# Many tests keep one core busy. Beside them the rest is built, in a folder of its own, since cargo lets one command at a
+# time build in one; and the Python package, the C interface and the package for JavaScript, which have workspaces and scripts
+# of their own, are built and tested. What they print is shown in its turn.
+say "cargo test ${tests[*]} --no-run $*"
+cargo test "${tests[@]}" --no-run "$@"
+unoptimised=${CARGO_TARGET_DIR:-$PWD/target}/unoptimised
+beside=$(mktemp -d)
+set -m # so that each of these is a process group, which can be ended whole
+(
+    export CARGO_TARGET_DIR=$unoptimised
+    nice cargo test --no-run "${stack[@]}" ${lock[@]+"${lock[@]}"} &&
+        nice cargo test --no-run "${viewer[@]}" ${build[@]+"${build[@]}"}
+) >"$beside/builds" 2>&1 </dev/null &
+builds=$!
+nice python/test.sh ${lock[@]+"${lock[@]}"} >"$beside/python" 2>&1 </dev/null &
+python=$!
+nice capi/test.sh ${lock[@]+"${lock[@]}"} >"$beside/capi" 2>&1 </dev/null &
+capi=$!
+nice web/test.sh ${lock[@]+"${lock[@]}"} >"$beside/web" 2>&1 </dev/null &
+web=$!
+set +m
+trap 'kill -- "-$builds" "-$python" "-$capi" "-$web" 2>/dev/null || true; rm -rf "$beside" "$log"' EXIT
+
+say "cargo test ${tests[*]} $*"
+cargo test "${tests[@]}" "$@"
+
+# The result of a command that ran beside the tests, after what it printed.
+finished() {
+    local status=0
+    wait "$1" || status=$?
+    cat "$beside/$2"
+    return "$status"
+}
+
 say "cargo test ${stack[*]} ${lock[*]-}"
+finished "$builds" builds
+export CARGO_TARGET_DIR=$unoptimised
 cargo test "${stack[@]}" ${lock[@]+"${lock[@]}"}
 
 if [ "${SPLITPLANE_DISPLAY:-}" = absent ]; then
@@ -116,14 +160,14 @@ elif ! display_found && ! { install "${display_packages[@]}" && display_found; }
     export SPLITPLANE_DISPLAY=absent
 fi
 
-# Optimising the windowing and drawing crates would take longer than these tests do without it.
-viewer=(--profile dev -p splitplane-viewer -p splitplane-cli --features splitplane-cli/viewer --lib --bins --test viewer --test viewer_frames)
-case " ${build[*]-} " in
-*" --release "*) viewer=("${viewer[@]:2}") ;;
-esac
 say "cargo test ${viewer[*]} ${build[*]-}"
 cargo test "${viewer[@]}" ${build[@]+"${build[@]}"}
 
-# The Python package has a workspace and a script of its own.
 say "python/test.sh ${lock[*]-}"
-python/test.sh ${lock[@]+"${lock[@]}"}
+finished "$python" python
+
+say "capi/test.sh ${lock[*]-}"
+finished "$capi" capi
+
+say "web/test.sh ${lock[*]-}"
+finished "$web" web

@@ -91,6 +91,7 @@
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
 pub mod backend;
+mod lazy;
 pub mod points;
 
 pub use backend::{BackendKind, OpenError, OpenOptions, Opened};
@@ -105,6 +106,7 @@ pub use splitplane_core::query::along::LeafAlong;
 pub use splitplane_core::query::best_first::LeafCell;
 pub use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions};
 pub use splitplane_core::query::inside::{LocateOptions, Located, Location, Rule};
+pub use splitplane_core::query::overlap::{OverlapOptions, Overlaps, Plane, Volume};
 pub use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray, Undecided};
 pub use splitplane_core::report::{BackendInfo, BuildSummary, QueryReport};
 pub use splitplane_core::tree::digest::Digest;
@@ -131,6 +133,7 @@ pub use splitplane_wgpu as gpu;
 /// Scenes of many objects: a description, and what answers rays through it. (Scenes from files, with materials and
 /// lights, are in the module `scene`.)
 pub mod objects {
+    pub use crate::lazy::{LazyError, LazyScene};
     pub use splitplane_core::backend::scene::*;
     pub use splitplane_core::scene::*;
 }
@@ -151,6 +154,7 @@ mod guide {
         backend,
         cancel,
         executor,
+        first,
         keep,
         near,
         no_std,

@@ -15,6 +15,7 @@
 
 pub use splitplane_core::points::build::{PointBuildError, PointOptions};
 pub use splitplane_core::points::nearest::{NearestOptions, Neighbour};
+pub use splitplane_core::points::parts::{Part, dump, walk_parts};
 pub use splitplane_core::points::tree::{Axes, PointNode, PointReport, PointTree};
 #[cfg(feature = "cpu")]
 pub use splitplane_cpu::CpuPointTree;

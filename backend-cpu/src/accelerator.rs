@@ -2,12 +2,13 @@
 
 mod all_hits;
 mod closest_points;
+mod overlaps;
 mod task_bytes;
 mod windings;
 
 use core::any::Any;
 use std::collections::TryReserveError;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
@@ -17,6 +18,7 @@ use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
 use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions};
 use splitplane_core::query::inside::{LocateOptions, Located};
 use splitplane_core::query::intersect::{Limits, SceneScale};
+use splitplane_core::query::overlap::{OverlapOptions, Overlaps, Volume};
 use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::report::{BuildSummary, QueryReport};
@@ -25,6 +27,7 @@ use splitplane_core::triangle::Triangle;
 use splitplane_core::watch::Stage;
 
 use crate::cancel::{ProgressMeter, UNWATCHED, WORK_BETWEEN_CHECKS};
+use crate::clock::Stopwatch;
 use crate::layout::limits;
 use crate::layout::scratch::{LayoutScratch, LayoutSource};
 use crate::layout::tree_layout::TreeLayout;
@@ -39,7 +42,7 @@ const TASK: usize = 4096;
 /// Initial number of rays between two calls of the watch.
 const FIRST: usize = 16;
 /// With a watch, a part that takes longer is followed by one of half as many rays, one that takes
-/// half of it by one of twice as many.
+/// half of it by one of twice as many. Without a clock all parts stay as short as the first.
 const TOO_LONG: Duration = Duration::from_millis(2);
 
 /// A tree over a mesh on the CPU.
@@ -179,13 +182,13 @@ impl CpuAccelerator {
                 let mut next = 0;
                 while next < rays.len() && !meter.is_cancelled() {
                     let some = next..rays.len().min(next + *count);
-                    let since = meter.is_watched().then(Instant::now);
+                    let stopwatch = meter.is_watched().then(Stopwatch::start);
                     let rays = &rays[some.clone()];
                     let batch = RayBatch { layout, scene, rays, options, query: T::QUERY };
                     let answers = T::answers(&mut answers[some.clone()]);
                     // SAFETY: as for one ray.
                     unsafe { self.set.run(Stream { batch, answers }) }?;
-                    match since.map(|since| since.elapsed()) {
+                    match stopwatch.and_then(|stopwatch| stopwatch.elapsed()) {
                         Some(took) if took > TOO_LONG => *count = (*count / 2).max(1),
                         Some(took) if took < TOO_LONG / 2 => *count = (*count * 2).min(TASK),
                         _ => {}
@@ -300,6 +303,23 @@ impl Accelerator for CpuAccelerator {
         options: &ClosestPointOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
         self.find_closest_points(points, closest, options)
+    }
+
+    fn overlaps(
+        &self,
+        volumes: &[Volume<'_>],
+        options: &OverlapOptions<'_>,
+    ) -> Result<Overlaps, QueryError> {
+        self.find_overlaps(volumes, options)
+    }
+
+    fn overlaps_any(
+        &self,
+        volumes: &[Volume<'_>],
+        found: &mut [bool],
+        options: &OverlapOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.find_any_overlaps(volumes, found, options)
     }
 
     fn as_any_mut(&mut self) -> Option<&mut dyn Any> {

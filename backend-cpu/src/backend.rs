@@ -57,7 +57,7 @@ impl CpuBackend {
     /// depend on it.
     pub fn with_instruction_set(set: InstructionSet) -> CpuBackend {
         let available = InstructionSet::available();
-        let set = if available.contains(&set) { set } else { InstructionSet::Portable };
+        let set = if available.contains(&set) { set } else { InstructionSet::least() };
         CpuBackend { scratch: Mutex::new(None), set }
     }
 

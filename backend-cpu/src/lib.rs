@@ -5,6 +5,8 @@ mod accelerator;
 mod backend;
 mod build;
 mod cancel;
+#[doc(hidden)]
+pub mod clock;
 mod layout;
 mod memory;
 mod near;

@@ -17,6 +17,7 @@ use splitplane_core::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, Sce
 use splitplane_core::watch::Stage;
 
 use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
+use crate::near::in_order::{Parts, answer_in_order};
 use crate::simd::InstructionSet;
 
 mod parts;
@@ -25,7 +26,7 @@ mod single;
 mod stream;
 mod top_walk;
 
-use parts::{Geometries, is_direct};
+use parts::{Geometries, Kind, is_direct};
 use single::{Followed, SceneSingle};
 use stream::SceneStream;
 use top_walk::VectorWalker;
@@ -41,6 +42,8 @@ const SINGLY_BELOW: usize = 3;
 pub struct CpuScene {
     built: BuiltScene,
     set: InstructionSet,
+    /// What all geometries have in common; `None` where rays cannot be followed through them.
+    kind: Option<Kind>,
 }
 
 thread_local! {
@@ -58,7 +61,9 @@ impl CpuScene {
         build: &mut BuildGeometry<'_>,
         set: InstructionSet,
     ) -> Result<CpuScene, SceneBuildError> {
-        Ok(CpuScene { built: BuiltScene::build(scene, options, build)?, set })
+        let built = BuiltScene::build(scene, options, build)?;
+        let kind = Kind::of(&built, set);
+        Ok(CpuScene { built, set, kind })
     }
 
     /// The answer to one ray.
@@ -112,8 +117,9 @@ impl CpuScene {
     ) -> Result<SceneReport, QueryError> {
         check_lengths(rays.len(), answers.len())?;
         if is_direct(&self.built, options)
-            && let Some(geometries) = &Geometries::of(&self.built, self.set)?
+            && let Some(kind) = self.kind
         {
+            let geometries = &Geometries::of(&self.built, self.set, kind, rays.len())?;
             return self.follow(geometries, rays, answers, options);
         }
         let meter = &ProgressMeter::of(options.watch);
@@ -163,7 +169,11 @@ impl SceneAccelerator for CpuScene {
         options: &BuildOptions<'_>,
         build: &mut BuildGeometry<'_>,
     ) -> Result<UpdateReport, SceneBuildError> {
-        self.built.update(scene, options, build)
+        let report = self.built.update(scene, options, build)?;
+        if report.geometries_built > 0 || report.geometries_dropped > 0 {
+            self.kind = Kind::of(&self.built, self.set);
+        }
+        Ok(report)
     }
 
     fn closest_hits(
@@ -241,13 +251,10 @@ impl SceneAccelerator for CpuScene {
         let meter = &ProgressMeter::of(options.watch);
         meter.begin_stage(Stage::Rays, points.len() as u64);
         let own = SceneClosestPointOptions { watch: None, ..*options };
-        let tasks = points.par_chunks(FEW).zip(closest.par_chunks_mut(FEW));
-        tasks.try_for_each(|(points, closest)| {
-            meter.check_batch()?;
-            self.built.closest_points(points, closest, &own)?;
-            meter.advance(points.len() as u64);
-            meter.record_work(WORK_BETWEEN_CHECKS);
-            Ok::<(), QueryError>(())
+        let parts = Parts { task: FEW, few: if meter.is_watched() { 16 } else { FEW } };
+        let none = SceneClosestPoint::NONE;
+        answer_in_order(points, (closest, none), parts, meter, |points, closest| {
+            self.built.closest_points(points, closest, &own).map(drop)
         })?;
         meter.finish_stage();
         meter.check_batch().map(|()| QueryReport::default())

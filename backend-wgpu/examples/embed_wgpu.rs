@@ -1,9 +1,10 @@
 //! Rays traced from a host's own compute shader: the host owns the device, has a tree built there, and
-//! its shader calls `closest_hit` and `any_hit` to shade a picture, which is printed as text.
+//! its shader calls `closest_hit` and `any_hit` to shade a picture, which is printed as text. Its function `accept_hit` decides which hits
+//! count: the sides of the pyramid are grates.
 
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::mesh::Mesh;
-use splitplane_shaders::{TriangleTest, traversal};
+use splitplane_shaders::{TriangleTest, filtered_traversal};
 use splitplane_wgpu::{Gpu, WgpuBackend};
 
 const WIDTH: u32 = 64;
@@ -11,6 +12,11 @@ const HEIGHT: u32 = 24;
 
 /// The host's shader, without the traversal. Its own resources are in group 1.
 const SHADER: &str = "
+// Asked by the traversal for each hit that would be the best so far. The floor is solid.
+fn accept_hit(hit: Hit) -> bool {
+    return hit.triangle < 2u || fract(5.0 * hit.v) < 0.6;
+}
+
 @group(1) @binding(0) var<storage, read_write> picture: array<f32>;
 
 @compute @workgroup_size(8, 8)
@@ -68,7 +74,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
 
     // The traversal's text comes first; its bindings are the first four of group 0.
-    let source = traversal(0, 0, TriangleTest::Watertight) + SHADER;
+    let traversal = filtered_traversal(0, 0, TriangleTest::Watertight);
+    let source = traversal.ok_or("the watertight test takes a filter")? + SHADER;
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("shade"),
         source: wgpu::ShaderSource::Wgsl(source.into()),

@@ -222,7 +222,7 @@ impl WgpuBackend {
     }
 
     /// As [`WgpuBackend::build_accelerator`], in place of an accelerator that is no longer needed,
-    /// whose buffers the next build of this backend gets. After an error the accelerator is
+    /// whose buffers the next build of this backend gets. Where it has compressed nodes, the device makes those of the new tree. After an error the accelerator is
     /// unchanged: the memory of both is held for a while.
     ///
     /// # Errors
@@ -233,7 +233,10 @@ impl WgpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions<'_>,
     ) -> Result<(), BuildError> {
-        let built = self.build_accelerator(mesh, options)?;
+        let mut built = self.build_accelerator(mesh, options)?;
+        if accelerator.device_tree().is_compressed() {
+            built.compress_on_device()?;
+        }
         let old = core::mem::replace(accelerator, built);
         self.recycle(old.into_device_tree());
         Ok(())

@@ -22,6 +22,7 @@ use std::time::{Duration, Instant};
 
 use crate::device::adapters::Adapter;
 use crate::device::bounded::{Bounds, private_memory_of};
+use crate::device::stopwatch::Stopwatch;
 use crate::error::DriverLimit;
 use crate::options::OpenOptions;
 use outcome::{MARK, parse};
@@ -70,7 +71,8 @@ pub struct Probe {
 
 impl Probe {
     /// Opens and tests an adapter in a process of its own. Of the options only the driver's limits
-    /// apply; when they are `None`, an unknown driver may take 20 seconds, and any driver 2 GiB.
+    /// apply; when they are `None`, an unknown driver may take 20 seconds, and any driver 2 GiB. Where the system says, the time in
+    /// which the child could have run, but others did, does not count, up to six times the limit.
     pub fn run(&self, adapter: &Adapter, options: &OpenOptions) -> Tried {
         run(self, adapter.index(), adapter.name(), bounds(adapter, options))
     }
@@ -147,7 +149,7 @@ fn run(probe: &Probe, index: usize, name: &str, bounds: Bounds) -> Tried {
 /// What the child says; `None` if it ends without a word.
 fn watch(child: &Child, said: &mpsc::Receiver<Option<Tried>>, bounds: Bounds) -> Option<Tried> {
     let Bounds { time, memory } = bounds;
-    let start = Instant::now();
+    let mut spent = Stopwatch::of(child.id().to_string());
     // The child keeps the limits too, and knows better what it was doing.
     let (longest, most) = (time.saturating_add(GRACE), memory.saturating_add(memory / 4));
     let exceeded = |limit| Some(Tried::Exceeded { doing: "opening a device".into(), limit });
@@ -160,7 +162,7 @@ fn watch(child: &Child, said: &mpsc::Receiver<Option<Tried>>, bounds: Bounds) ->
         if private_memory_of(&child.id().to_string()).is_some_and(|bytes| bytes > most) {
             return exceeded(DriverLimit::Memory(memory));
         }
-        if start.elapsed() >= longest {
+        if spent.is_over(longest) {
             return exceeded(DriverLimit::Time(time));
         }
     }

@@ -16,7 +16,7 @@ use splitplane_core::config::MAX_DEPTH;
 use splitplane_core::error::QueryError;
 use splitplane_core::query::intersect;
 use splitplane_core::query::intersect::{Limits, SceneScale};
-use splitplane_core::query::traverse::{Query, trace};
+use splitplane_core::query::traverse::{Query, trace, trace_kept};
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
 use splitplane_core::tree::KdTree;
 use splitplane_core::triangle::{Triangle, prepare};
@@ -59,6 +59,13 @@ impl Case {
     fn reference(&self, ray: &Ray, options: &QueryOptions<'_>, query: Query) -> Hit {
         let view = self.tree.view();
         trace::<Strict>(&view, &self.triangles[..], &self.scale, ray, options, query)
+    }
+
+    /// The closest of the hits that are kept.
+    fn filtered(&self, ray: &Ray, keep: impl FnMut(&Hit) -> bool) -> Hit {
+        let (view, options) = (self.tree.view(), QueryOptions::default());
+        let (triangles, query) = (&self.triangles[..], Query::Closest);
+        trace_kept(&view, triangles, &self.scale, ray, &options, query, keep)
     }
 
     /// Holds closest and any hit of all rays against the reference; gives how many hit.
@@ -434,6 +441,71 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             }
         } else {
             assert!(found.iter().filter(|hit| hit.is_hit()).count() * 3 > rays.len());
+        }
+    }
+}
+
+/// A host that decides which hits count, by triangle and by place in it, has the CPU's hits with such a filter.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn a_host_that_filters_hits() {
+    let own = "
+@group(0) @binding(0) var<storage, read> given: array<vec4<u32>>;
+@group(0) @binding(1) var<storage, read_write> found: array<vec4<u32>>;
+@group(0) @binding(2) var<storage, read> least_u: array<f32>;
+fn accept_hit(hit: Hit) -> bool {
+    return hit.triangle % 3u != 0u && hit.u >= least_u[0];
+}
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= arrayLength(&found) { return; }
+    let ray = ray_of_words(given[2u * id.x], given[2u * id.x + 1u]);
+    let hit = closest_hit(ray, default_options());
+    found[id.x] = hit_words(hit);
+    if any_hit(ray, default_options()) != is_hit(hit) { found[id.x].x = 7u; }
+}";
+    let gpu = common::gpu();
+    let source = splitplane_shaders::filtered_traversal(1, 3, TriangleTest::Watertight);
+    let source = source.expect("a text") + own;
+    let pipeline = gpu.pipeline("host", &source).expect("a pipeline");
+    for scene in [scenes::seams(true), scenes::soup(400, 0.3, 18), scenes::coplanar(1, 200)] {
+        let case = Case::new(&scene);
+        let rays = all_rays(&scene, &case, 50, 17);
+        for least_u in [0.0f32, 0.4] {
+            let (given, hits) = (storage(size_of_val(&rays[..])), storage(16 * rays.len()));
+            let least = storage(4);
+            gpu.queue().write_buffer(&given, 0, bytemuck::cast_slice(&rays));
+            gpu.queue().write_buffer(&least, 0, bytemuck::bytes_of(&least_u));
+            let group = |index, entries: &[wgpu::BindGroupEntry<'_>]| {
+                let layout = &pipeline.get_bind_group_layout(index);
+                let descriptor = wgpu::BindGroupDescriptor { label: None, layout, entries };
+                gpu.device().create_bind_group(&descriptor)
+            };
+            let buffers = [(0, &given), (1, &hits), (2, &least)].map(|(binding, buffer)| {
+                wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() }
+            });
+            let groups =
+                [group(0, &buffers), group(1, &case.device.device_tree().bind_group_entries(3))];
+            let mut encoder = gpu.device().create_command_encoder(&Default::default());
+            {
+                let mut pass = encoder.begin_compute_pass(&Default::default());
+                pass.set_pipeline(&pipeline);
+                pass.set_bind_group(0, &groups[0], &[]);
+                pass.set_bind_group(1, &groups[1], &[]);
+                pass.dispatch_workgroups(rays.len().div_ceil(64) as u32, 1, 1);
+            }
+            gpu.submit([encoder.finish()]).expect("commands");
+            let found: Vec<Hit> = bytemuck::pod_collect_to_vec(&common::read(&hits));
+            let mut filtered = 0;
+            for (ray, hit) in rays.iter().zip(&found) {
+                let keep = |hit: &Hit| hit.triangle % 3 != 0 && hit.u >= least_u;
+                let expected = case.filtered(ray, keep);
+                assert_eq!(bits(hit), bits(&expected), "{}: {ray:?}", scene.name);
+                let all = case.reference(ray, &Default::default(), Query::Closest);
+                filtered += u32::from(bits(&all) != bits(&expected));
+            }
+            // A function that were not asked would be noticed.
+            assert!(filtered > 10, "{}: {filtered}", scene.name);
         }
     }
 }

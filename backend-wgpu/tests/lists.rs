@@ -1,5 +1,5 @@
-//! All hits and points in a mesh on the device: the CPU's answers, bit for bit, in every scene; what is left to the CPU
-//! is counted; the kernels list what the core's twin does, and faults in their text are seen.
+//! All hits, their numbers and points in a mesh on the device: the CPU's answers, bit for bit, in every scene; what is left to
+//! the CPU is counted; the kernels list and count what the core's twin does, and faults in their text are seen.
 
 mod common;
 
@@ -18,7 +18,7 @@ use splitplane_core::arithmetic::Strict;
 use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::error::QueryError;
 use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
-use splitplane_core::query::certify;
+use splitplane_core::query::certify::{self, Counted, MOST_COUNTED};
 use splitplane_core::query::inside::{DIRECTION, LocateOptions};
 use splitplane_core::ray::{Culling, Hit, QueryOptions, Ray};
 use splitplane_core::triangle::{Triangle, prepare};
@@ -75,6 +75,15 @@ impl Case {
         .then_some(found)
     }
 
+    /// The core's count of a ray, as a device writes it.
+    fn counted(&self, ray: &Ray, options: &QueryOptions<'_>) -> u32 {
+        let (tree, scale) = (self.cpu.tree().view(), self.cpu.scene_scale());
+        match certify::count::<Strict>(&tree, &self.triangles[..], scale, ray, options) {
+            Counted::Crossed([front, back]) => front | back << 16,
+            Counted::Undecided => Hit::UNDECIDED,
+        }
+    }
+
     /// Asks both for all hits and compares all words. Returns the crossings, and how many rays were the CPU's.
     fn check(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> (usize, u64) {
         let expected = self.cpu.all_hits(rays, options).expect("all hits on the CPU");
@@ -86,6 +95,13 @@ impl Case {
         let report = &found.report;
         assert!(report.answered_by_cpu >= report.undecided + report.unfinished);
         assert!(report.flagged.is_empty());
+        let mut counts = vec![7; rays.len()];
+        let counted = self.device.count_hits(rays, &mut counts, options).expect("counts");
+        for ((ray, ends), count) in rays.iter().zip(expected.starts.windows(2)).zip(counts) {
+            assert_eq!(ends[1] - ends[0], count as usize, "{}: {ray:?}", self.name);
+        }
+        assert!(counted.answered_by_cpu >= counted.undecided + counted.unfinished);
+        assert!(counted.answered_by_cpu <= report.answered_by_cpu);
         (found.crossings.len(), report.answered_by_cpu)
     }
 
@@ -428,8 +444,15 @@ fn are_the_cores(lists: &[u32], expected: &[Option<BTreeSet<u32>>]) -> bool {
 }
 
 fn sources() -> [String; 2] {
-    ["list_triangles", "list_triangles_retry"]
-        .map(|name| splitplane_shaders::find(name).expect("a kernel").source())
+    ["list_triangles", "list_triangles_retry"].map(source_of)
+}
+
+fn counting_sources() -> [String; 2] {
+    ["count_crossings", "count_crossings_retry"].map(source_of)
+}
+
+fn source_of(kernel: &str) -> String {
+    splitplane_shaders::find(kernel).expect("a kernel").source()
 }
 
 /// A case, rays, and what the core lists of each.
@@ -437,12 +460,20 @@ struct KernelCase {
     case: Case,
     rays: Vec<Ray>,
     expected: Vec<Option<BTreeSet<u32>>>,
+    counts: Vec<u32>,
 }
 
 impl KernelCase {
     /// Whether kernels of these sources list what the core does.
     fn holds(&self, sources: &[String; 2]) -> bool {
         are_the_cores(&lists_by_sources(sources, &self.case, &self.rays), &self.expected)
+    }
+
+    /// Whether kernels of these sources count what the core does.
+    fn counts_hold(&self, sources: &[String; 2]) -> bool {
+        let tree = self.case.device.device_tree();
+        let (counts, _) = by_sources::answers(sources, tree, &self.rays, 4, MOST_COUNTED as u32);
+        bytemuck::pod_collect_to_vec::<u8, u32>(&counts) == self.counts
     }
 }
 
@@ -467,7 +498,8 @@ fn kernel_cases() -> Vec<KernelCase> {
             rays.extend((0..300).map(along));
             let options = QueryOptions::default();
             let expected = rays.iter().map(|ray| case.listed(ray, &options)).collect();
-            KernelCase { case, rays, expected }
+            let counts = rays.iter().map(|ray| case.counted(ray, &options)).collect();
+            KernelCase { case, rays, expected, counts }
         })
         .collect()
 }
@@ -483,6 +515,89 @@ fn kernels_list_what_the_core_does() {
             assert!(case.holds(&[lean.clone(), retry.clone()]), "{}", case.case.name);
         }
     }
+}
+
+/// The same of counts, of which some are certain and some are not.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn kernels_count_what_the_core_does() {
+    let [lean, retry] = counting_sources();
+    let poisoned = poison::WORDS.map(|word| poison::poisoned(&lean, word).expect("memory"));
+    let (mut certain, mut left) = (0, 0);
+    for case in kernel_cases() {
+        for lean in [&lean, &poisoned[0], &poisoned[1]] {
+            assert!(case.counts_hold(&[lean.clone(), retry.clone()]), "{}", case.case.name);
+        }
+        let undecided = case.counts.iter().filter(|&&count| count == Hit::UNDECIDED).count();
+        (certain, left) = (certain + case.counts.len() - undecided, left + undecided);
+    }
+    assert!(certain > 1_000 && left > 100, "{certain} certain, {left} left");
+}
+
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn planted_faults_in_counts_are_seen() {
+    let (sources, cases) = (counting_sources(), kernel_cases());
+    let mut unseen = Vec::new();
+    for (from, to) in [
+        ("if signs.positive && signs.negative {", "if signs.positive || signs.negative {"),
+        ("signs.open || any(signs.known", "any(signs.known"),
+        ("any(signs.known == vec3<f32>(0.0))", "false"),
+        ("|| verdict.met.error == 0.0", ""),
+        ("CROSSES_FROM_BACK, CROSSES_FROM_FRONT", "CROSSES_FROM_FRONT, CROSSES_FROM_BACK"),
+        ("listed[count_start + at] == triangle", "false"),
+        ("listed[count_start + at] == triangle", "true"),
+        ("count_start = index * batch.room;", "count_start = index;"),
+        ("count_sides.y << 16u", "count_sides.y << 15u"),
+        ("return is_as_given(ray, prepared);", "return true;"),
+        ("hit.triangle == NO_TRIANGLE);", "true);"),
+        ("search.undecided = true;", ""),
+        ("defer_ray(index);", ""),
+        ("deferred_rays[1u + place];", "deferred_rays[place];"),
+    ] {
+        let faulty = sources.clone().map(|source| source.replacen(from, to, 1));
+        assert_ne!(faulty, sources, "{from}: the text is not there");
+        if cases.iter().all(|case| case.counts_hold(&faulty)) {
+            unseen.push((from, to));
+        }
+    }
+    assert!(unseen.is_empty(), "faults that no ray shows: {unseen:?}");
+}
+
+/// More crossings of a ray than the device counts, exactly as many, and one less; under limits of memory, and with a watch.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn more_crossings_than_are_counted() {
+    for count in [MOST_COUNTED - 1, MOST_COUNTED, MOST_COUNTED + 1, 300] {
+        let case = Case::new(&scenes::identical(count));
+        let rays = aim::rays(&scenes::identical(count).mesh(), Kind::Faces, 100, 3);
+        assert_eq!(case.check(&rays, &AllHitsOptions::default()), (100 * count, 0));
+        let mut counts = vec![0; 99];
+        let options = AllHitsOptions::default();
+        assert!(matches!(
+            case.device.count_hits(&rays, &mut counts, &options),
+            Err(QueryError::LengthMismatch { rays: 100, results: 99 })
+        ));
+    }
+    let scene = scenes::soup(600, 1.0, 4);
+    let case = Case::new(&scene);
+    let rays = aim::rays(&scene.mesh(), Kind::Random, 2_000, 5);
+    let mut counts = vec![0; rays.len()];
+    let little = AllHitsOptions { max_memory: Some(64), ..AllHitsOptions::default() };
+    let refused = case.device.count_hits(&rays, &mut counts, &little);
+    assert!(matches!(refused, Err(QueryError::OutOfMemory { limit: 64, .. })));
+    let (mut call, mut cancelled) = (0, 0);
+    loop {
+        let watch = EndsAt(call, AtomicU64::new(0));
+        let options = AllHitsOptions { watch: Some(&watch), ..AllHitsOptions::default() };
+        match case.device.count_hits(&rays, &mut counts, &options) {
+            Ok(_) => break,
+            Err(QueryError::Cancelled { done, total: 2_000 }) => assert!(done <= 2_000),
+            Err(error) => panic!("{error}"),
+        }
+        (call, cancelled) = (call * 5 / 4 + 1, cancelled + 1);
+    }
+    assert!(cancelled > 3, "{cancelled}");
 }
 
 #[test]

@@ -172,6 +172,7 @@ fn planted_faults_are_named() {
         (K::ScatterReferences, "ratio, along", "ratio, along * 1.0001"),
         (K::BuildMiddle, "own.level + levels", "own.level"),
         (K::BuildMiddle, "ordered_bits(bounds.lo.x)", "ordered_bits(bounds.lo.y)"),
+        (K::BuildMiddle, "mark(RIGHTS, again / 32u, bit);", "mark(LEFTS, again / 32u, bit);"),
         (K::ScanMiddle, "first_reference = place.y", "first_reference = place.x"),
         (K::PlaceMiddle, "small.padding = 0u", "small.padding = 1u"),
         (K::MeasureMiddle, "root.nodes - root.leaves", "root.nodes"),
@@ -182,8 +183,8 @@ fn planted_faults_are_named() {
         (K::EmitTop, "<< 2u) | node.kind", "<< 2u) | 0u"),
         (
             K::EmitSmall,
-            "put_reference(first, own_triangles",
-            "put_reference(2u * emitted.y + count - 1u - first, own_triangles",
+            "put_half(mask.y, first + countOneBits(mask.x), true)",
+            "put_half(mask.y, first, true)",
         ),
     ]
     .map(|(kernel, text, fault)| (kernel, text, fault, fast));

@@ -6,15 +6,15 @@ mod hostile;
 #[path = "common/poison.rs"]
 mod poison;
 
-use splitplane_core::backend::scene::SceneAccelerator;
+use splitplane_core::backend::scene::{SceneAccelerator, TopUpdate};
 use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::error::{BuildError, DeviceError};
 use splitplane_core::kernel::QueryKernel;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Accuracy, Culling, Ray};
 use splitplane_core::scene::{
-    IgnoredTriangle, InstanceId, Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport,
-    translation,
+    IgnoredTriangle, Instance, InstanceId, OpacityMask, Scene, SceneBuildError, SceneHit,
+    SceneOptions, SceneReport, translation,
 };
 use splitplane_cpu::CpuBackend;
 use splitplane_shaders::TriangleTest;
@@ -276,6 +276,108 @@ fn a_failed_update_leaves_the_old_scene() {
     assert_eq!(answers(&*built, &rays, &options).0, before);
     device.update_scene(&mut *built, &scene, &build).expect("an update");
     assert_eq!(answers(&*built, &rays, &options).0, expected(&*built, &rays, &options));
+}
+
+/// A worn tree over instances that is built anew and has more nodes gets the room that it needs. Where the device has none, the CPU
+/// places rays until there is some.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn a_tree_over_instances_may_grow_when_it_is_worn() {
+    let device = device();
+    let (mut scene, names) = objects::scene(Kind::Coincident, 300, 111);
+    let (build, options) = (BuildOptions::default(), SceneOptions::default());
+    for name in &names {
+        scene.move_instance(*name, translation([0.5; 3])).expect("an edit");
+    }
+    let mut built = device.build_scene(&scene, &build).expect("a scene");
+    let before = built.scene().packed_sizes();
+    let mut random = Random::new(112);
+    for name in &names {
+        let far = [0, 1, 2].map(|_| 500.0 * (random.unit() as f32 - 0.5));
+        scene.move_instance(*name, translation(far)).expect("an edit");
+    }
+    let rays = objects::rays(&scene, 300, 113);
+    device.gpu().plant_memory(before.bytes()[0]);
+    let mut report = device.update_scene(&mut *built, &scene, &build).expect("an update");
+    assert_eq!(report.top, TopUpdate::Rebuilt);
+    let after = built.scene().packed_sizes();
+    assert!(after.top_nodes > before.top_nodes && after.instances == before.instances, "{after:?}");
+    let reason = built.placed_by_cpu().expect("no room").to_owned();
+    assert!(reason.contains("the tree over instances"), "{reason}");
+    assert_eq!(answers(&*built, &rays, &options).0, expected(&*built, &rays, &options));
+    device.gpu().plant_memory(u64::MAX);
+    let mut built = device.build_scene(&Scene::new(), &build).expect("a scene");
+    for name in &names {
+        scene.move_instance(*name, translation([0.5; 3])).expect("an edit");
+    }
+    device.update_scene(&mut *built, &scene, &build).expect("an update");
+    random = Random::new(112);
+    for name in &names {
+        let far = [0, 1, 2].map(|_| 500.0 * (random.unit() as f32 - 0.5));
+        scene.move_instance(*name, translation(far)).expect("an edit");
+    }
+    report = device.update_scene(&mut *built, &scene, &build).expect("an update");
+    assert_eq!((report.top, built.placed_by_cpu()), (TopUpdate::Rebuilt, None));
+    assert_eq!(report.bytes_sent, after.bytes()[..2].iter().sum::<u64>());
+    let (own, report) = answers(&*built, &rays, &options);
+    assert_eq!((own, report.placed_by_cpu), (expected(&*built, &rays, &options), 0));
+}
+
+/// For a scene that only the CPU answers the device is asked for no memory.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn no_room_is_reserved_for_masks() {
+    let device = device();
+    let (mut scene, names) = objects::scene(Kind::Ordinary, 40, 121);
+    let build = BuildOptions::default();
+    let mut built = device.build_scene(&scene, &build).expect("a scene");
+    let grow = |scene: &mut Scene| {
+        for i in 0..300 {
+            let instance = *scene.instance(names[i % 40]).expect("an instance");
+            scene.add_instance(instance).expect("an instance");
+        }
+    };
+    grow(&mut scene);
+    let before = device.gpu().traffic();
+    device.update_scene(&mut *built, &scene, &build).expect("an update");
+    assert!((device.gpu().traffic() - before).buffers > 0, "instances need more room");
+    grow(&mut scene);
+    let geometry = scene.instance(names[0]).expect("an instance").geometry;
+    let triangles = scene.geometry(geometry).expect("a geometry").mesh().len();
+    let mask = OpacityMask::new(triangles, 0, |triangle, _| triangle % 2 == 0).expect("a mask");
+    scene.set_opacity(geometry, Some(mask)).expect("an edit");
+    let before = device.gpu().traffic();
+    device.update_scene(&mut *built, &scene, &build).expect("an update");
+    assert_eq!((device.gpu().traffic() - before).buffers, 0);
+    assert_eq!(built.placed_by_cpu(), Some("a geometry has an opacity mask"));
+}
+
+/// Rays enter more instances than one submission has waves for, and each is counted; with so many hits that they are not
+/// copied in each of them.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn all_that_is_entered_is_counted() {
+    const ROW: u32 = 40;
+    let mut scene = Scene::new();
+    let corners = [[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]];
+    let geometry = scene.add_mesh(&Mesh::soup(&corners).expect("a mesh")).expect("a geometry");
+    for i in 0..ROW {
+        let transform = translation([0.0, 0.0, i as f32]);
+        scene.add_instance(Instance::new(geometry, transform)).expect("an instance");
+    }
+    let built = device().build_scene(&scene, &BuildOptions::default()).expect("a scene");
+    for count in [10, 7_000] {
+        let rays = vec![Ray::new([0.25, 0.25, -1.0], [0.0, 0.0, 1.0]); count];
+        let mut hits = vec![SceneHit::MISS; count];
+        // From behind: none of them is a hit.
+        let through = SceneOptions { culling: Culling::Back, ..SceneOptions::default() };
+        let report = built.closest_hits(&rays, &mut hits, &through).expect("hits");
+        assert_eq!(report.entered, count as u64 * u64::from(ROW));
+        assert!(hits.iter().all(|hit| !hit.is_hit()));
+        let report = built.closest_hits(&rays, &mut hits, &SceneOptions::default()).expect("hits");
+        assert_eq!(report.entered, count as u64);
+        assert!(hits.iter().all(|hit| (hit.t, hit.instance) == (1.0, 0)));
+    }
 }
 
 /// A scene on a device with a changed kernel. The CPU builds the geometries, so that no kernel of the builder is compiled.

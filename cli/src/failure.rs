@@ -1,7 +1,8 @@
 //! Why a run ends before it is done: a sentence and an exit code.
 
-use splitplane::objects::{SceneBuildError, SceneError as ObjectsError};
+use splitplane::objects::{SceneBuildError, SceneError as ObjectsError, SceneWriteError};
 use splitplane::picture::PictureError;
+use splitplane::points::PointBuildError;
 use splitplane::render::{PlanError, RenderError};
 use splitplane::scene::instanced::{InstancedError, SceneFileProblem};
 use splitplane::scene::obj::{ObjError, ObjProblem};
@@ -136,6 +137,26 @@ impl From<SceneBuildError> for Failure {
     }
 }
 
+impl From<SceneWriteError> for Failure {
+    fn from(error: SceneWriteError) -> Failure {
+        match error {
+            SceneWriteError::Build(error) => error.into(),
+            error => Failure::file(error.to_string()),
+        }
+    }
+}
+
+impl From<PointBuildError> for Failure {
+    fn from(error: PointBuildError) -> Failure {
+        let code = match &error {
+            PointBuildError::Cancelled { .. } => CANCELLED,
+            PointBuildError::TooManyPoints { .. } | PointBuildError::OutOfMemory { .. } => LIMIT,
+            _ => BUG,
+        };
+        Failure { message: error.to_string(), code }
+    }
+}
+
 impl From<MeshError> for Failure {
     fn from(error: MeshError) -> Failure {
         let code = match error {
@@ -233,10 +254,6 @@ impl From<TracerError> for Failure {
         match error {
             TracerError::Build(error) => error.into(),
             TracerError::Scene(error) => error.into(),
-            TracerError::Render(RenderError::NoCosts) => Failure::usage(format!(
-                "{}; leave --heatmap and the costs of --aov out",
-                RenderError::NoCosts
-            )),
             TracerError::Render(RenderError::Query(error)) => error.into(),
             TracerError::Render(error) => {
                 let code = match &error {
@@ -279,6 +296,7 @@ impl From<ReportError> for Failure {
             ReportError::Query(error) => error.into(),
             ReportError::Picture(error) => error.into(),
             ReportError::Threads { .. } => Failure::usage(error.to_string()),
+            ReportError::Points(error) => error.into(),
             ReportError::Animation(error) => error.into(),
             ReportError::Empty(_) => Failure::file(error.to_string()),
             other => Failure { message: other.to_string(), code: BUG },

@@ -7,7 +7,9 @@ mod adapters;
 mod animate;
 mod bug;
 mod build;
+pub mod cloud;
 mod convert;
+mod distances;
 mod ending;
 pub mod failure;
 mod files;
@@ -17,16 +19,19 @@ mod look;
 mod mesa;
 pub mod npy;
 mod objects;
+mod objects_built;
 mod objects_report;
 mod options;
 mod output;
 mod paper;
 mod parity;
 mod percentiles;
+mod points;
 mod prepared;
 mod probe;
 mod progress;
 mod query;
+mod query_objects;
 pub mod ray_file;
 mod render;
 mod shell;
@@ -36,6 +41,7 @@ mod table;
 mod trade;
 mod tree;
 mod verify;
+mod verify_objects;
 #[cfg(feature = "viewer")]
 mod view;
 
@@ -44,8 +50,8 @@ use std::process::ExitCode;
 
 /// SAH kd-trees for ray tracing: pictures, trees, ray queries and checks.
 ///
-/// Without a verb, renders. SCENE is the path of an .obj, .ply, .stl, .gltf or .glb file, of a .json scene file, or
-/// builtin:NAME[:SIZE].
+/// Without a verb, renders. SCENE is the path of an .obj, .ply or .stl file, of a .gltf, .glb, .json or .scene file of many
+/// objects, or builtin:NAME[:SIZE].
 #[derive(Parser)]
 #[command(name = "splitplane", version, args_conflicts_with_subcommands = true)]
 #[command(after_help = EXIT_CODES)]
@@ -68,6 +74,10 @@ enum Verb {
     Stats(stats::Arguments),
     /// Trace the rays of a file.
     Query(query::Arguments),
+    /// Measure distances to a scene on a grid, signed or not.
+    Distances(distances::Arguments),
+    /// Build a tree over a cloud of points: its statistics, nearest points, normals, outliers, a thinner cloud, a picture.
+    Points(points::Arguments),
     /// Check a tree and its answers against a reference in f64.
     Verify(verify::Arguments),
     /// List the GPU adapters of this machine: limits, features, parity with the CPU.
@@ -105,12 +115,14 @@ impl Cli {
             Some(Verb::Build(arguments)) => &arguments.common,
             Some(Verb::Stats(arguments)) => &arguments.common,
             Some(Verb::Query(arguments)) => &arguments.common,
+            Some(Verb::Distances(arguments)) => &arguments.common,
             Some(Verb::Verify(arguments)) => &arguments.common,
             Some(Verb::Parity(arguments)) => &arguments.common,
             Some(
                 Verb::Adapters(_)
                 | Verb::Convert(_)
                 | Verb::Paper(_)
+                | Verb::Points(_)
                 | Verb::Trade(_)
                 | Verb::Completions(_)
                 | Verb::Man(_)
@@ -125,8 +137,11 @@ impl Cli {
 
 const EXIT_CODES: &str = "\
 Built-in scenes: builtin:cornell, builtin:spheres, builtin:stadium, builtin:gallery,
-builtin:carousel[:TRIANGLES], builtin:city[:TRIANGLES]; and of many objects, for render and
-animate, builtin:forest[:OBJECTS], builtin:flock[:BIRDS]
+builtin:carousel[:TRIANGLES], builtin:city[:TRIANGLES]; and of many objects
+builtin:forest[:OBJECTS], builtin:flock[:BIRDS]
+
+Scenes of many objects (these, .json files, and .scene files that build writes) are for render,
+animate, view, build, query and verify; other verbs take one mesh.
 
 Exit codes: 0 done; 1 a check failed; 2 wrong usage; 3 a file cannot be read or written; 4 a limit \
 of memory or size binds; 5 a GPU was asked for and there is none that can be used; 6 the device \
@@ -151,6 +166,8 @@ pub fn main() -> ExitCode {
         Some(Verb::Build(arguments)) => build::run(&arguments),
         Some(Verb::Stats(arguments)) => stats::run(&arguments),
         Some(Verb::Query(arguments)) => query::run(&arguments),
+        Some(Verb::Distances(arguments)) => distances::run(&arguments),
+        Some(Verb::Points(arguments)) => points::run(&arguments),
         Some(Verb::Verify(arguments)) => verify::run(&arguments),
         Some(Verb::Adapters(arguments)) => adapters::run(&arguments),
         Some(Verb::Parity(arguments)) => parity::run(&arguments),

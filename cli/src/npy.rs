@@ -117,7 +117,16 @@ fn value<'a>(header: &'a str, key: &str) -> Result<&'a str, NpyError> {
 
 /// The header of a one-dimensional array; the numbers follow it.
 pub fn header(kind: impl fmt::Display, count: usize) -> Vec<u8> {
-    let text = format!("{{'descr': {kind}, 'fortran_order': False, 'shape': ({count},), }}");
+    header_of(kind, &[count])
+}
+
+/// The header of an array of any shape, in C order; the numbers follow it.
+pub(super) fn header_of(kind: impl fmt::Display, shape: &[usize]) -> Vec<u8> {
+    let sides: Vec<String> = shape.iter().map(usize::to_string).collect();
+    // One side alone has a comma behind it.
+    let end = if sides.len() == 1 { "," } else { "" };
+    let sides = sides.join(", ");
+    let text = format!("{{'descr': {kind}, 'fortran_order': False, 'shape': ({sides}{end}), }}");
     // The numbers start at a multiple of 64, after the line feed that ends the header.
     let padding = (64 - (10 + text.len() + 1) % 64) % 64;
     let length = (text.len() + padding + 1) as u16;

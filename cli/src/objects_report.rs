@@ -7,6 +7,7 @@ use super::options::Common;
 use super::output;
 use super::percentiles::Percentiles;
 use super::prepared::{counted, print_json};
+use super::render::Written;
 use serde::Serialize;
 use splitplane::render::FrameStats;
 use splitplane_scene::from_file::quoted;
@@ -18,6 +19,8 @@ struct Built {
     geometries: usize,
     /// Triangles of all geometries.
     triangles: usize,
+    /// Spheres and capsules of all geometries.
+    shapes: usize,
     instances: usize,
     /// Triangles of all instances, each counted as often as it is placed.
     instanced_triangles: u64,
@@ -40,6 +43,7 @@ impl ObjectStage {
             scene: scene.name.clone(),
             geometries: scene.geometries.len(),
             triangles: scene.parts.indices.len(),
+            shapes: scene.solids(),
             instances: scene.instances.len(),
             instanced_triangles: scene.instanced_triangles(),
             backend: self.info.name.clone(),
@@ -71,7 +75,7 @@ impl ObjectStage {
             (count, shining) => format!("{count}, and {shining} triangles that shine"),
         };
         format!(
-            "scene    {}: {} instances of {} geometries, {} triangles that are {} in the world\n\
+            "scene    {}: {} instances of {} geometries, {} triangles that are {} in the world{}\n\
              backend  {} ({by}; {})\n\
              built    in {:.1} ms by preset {}, {} bytes, digest {}\n\
              camera   at {x},{y},{z}, {view}\nlights   {lights}\n",
@@ -80,6 +84,11 @@ impl ObjectStage {
             built.geometries,
             built.triangles,
             built.instanced_triangles,
+            match built.shapes {
+                0 => String::new(),
+                1 => "; 1 sphere or capsule".to_owned(),
+                count => format!("; {count} spheres and capsules"),
+            },
             built.backend,
             self.reason,
             built.build_ms,
@@ -96,7 +105,7 @@ impl ObjectStage {
         common: &Common,
         stats: &FrameStats,
         render_ms: f64,
-        output: Vec<String>,
+        written: &Written,
     ) -> Result<(), Failure> {
         let (width, height) = (look.size.width(), look.size.height());
         let trace_ms = stats.tracing.map(|time| time.as_secs_f64() * 1e3);
@@ -112,7 +121,7 @@ impl ObjectStage {
                 placed_by_cpu: stats.placed_by_cpu,
                 trace_ms,
                 render_ms,
-                output,
+                output: written.names(),
             });
         }
         if common.quiet {
@@ -121,7 +130,7 @@ impl ObjectStage {
         let tracing = trace_ms.map_or(String::new(), |ms| format!(", {ms:.1} ms of it tracing"));
         output::data(&format!(
             "{}traced   {} rays: {} camera, mirrored and refracted, {} shadow{}\n\
-             rendered in {render_ms:.1} ms{tracing} ({:.1} million rays a second)\n\
+             rendered in {render_ms:.1} ms{tracing} ({:.1} million rays a second)\n{}\
              written  {} ({width}x{height})\n",
             self.describe(),
             stats.rays(),
@@ -132,7 +141,8 @@ impl ObjectStage {
                 rays => format!("; for {rays} the CPU found the instances"),
             },
             stats.rays() as f64 / render_ms.max(1e-6) / 1e3,
-            output.join(", ")
+            written.heat.as_deref().unwrap_or(""),
+            written.names().join(", ")
         ))
     }
 }

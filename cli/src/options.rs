@@ -169,6 +169,15 @@ pub(super) fn size(text: &str) -> Result<Size, String> {
     Size::new(width, height).map_err(|error| error.to_string())
 }
 
+/// A distance that something may be within.
+pub(super) fn distance(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(distance) if distance >= 0.0 => Ok(distance),
+        Ok(_) => Err("a distance is 0 or more".into()),
+        Err(error) => Err(error.to_string()),
+    }
+}
+
 /// `x,y,z`.
 pub(super) fn point(text: &str) -> Result<[f32; 3], String> {
     let numbers: Option<Vec<f32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();

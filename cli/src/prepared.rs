@@ -34,7 +34,12 @@ pub(super) fn in_pool<R: Send>(
 pub(super) fn pool(common: &Common) -> Result<rayon::ThreadPool, Failure> {
     common.time.begin();
     super::ending::check()?;
-    let threads = common.threads.map_or(0, usize::from);
+    pool_of(common.threads)
+}
+
+/// A pool of so many threads, of as many as there are cores when nothing is said.
+pub(super) fn pool_of(threads: Option<u16>) -> Result<rayon::ThreadPool, Failure> {
+    let threads = threads.map_or(0, usize::from);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     pool.map_err(|error| Failure::usage(format!("cannot start the threads: {error}; try fewer")))
 }

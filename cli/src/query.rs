@@ -1,11 +1,12 @@
 //! `splitplane query`.
 
 use super::failure::Failure;
-use super::options::Common;
+use super::options::{Common, distance};
 use super::prepared::{Prepared, counted, in_pool, milliseconds, print_json};
-use super::{files, hit_file, output, progress, ray_file};
+use super::{files, hit_file, output, progress, query_objects, ray_file};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
+use splitplane::scene::InstancedScene;
 use splitplane::{
     Accelerator, AllHits, AllHitsOptions, ClosestPoint, ClosestPointOptions, Hit, LocateOptions,
     Located, Location, QueryError, QueryOptions, Ray, Rule, Undecided,
@@ -17,9 +18,9 @@ use std::time::Instant;
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
-    /// An .obj, .ply, .stl, .gltf or .glb file, or builtin:NAME[:SIZE]
+    /// An .obj, .ply or .stl file, a .gltf, .glb, .json or .scene file of many objects, or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE")]
-    scene: OsString,
+    pub(super) scene: OsString,
     /// The rays: raw little-endian f32 `ox oy oz dx dy dz tmin tmax`, or .npy of shape (n, 8)
     #[arg(long, value_name = "FILE", required_unless_present = "points")]
     rays: Option<PathBuf>,
@@ -28,33 +29,38 @@ pub(super) struct Arguments {
     points: Option<PathBuf>,
     /// What to find
     #[arg(long, value_enum, default_value_t = Kind::Closest)]
-    kind: Kind,
+    pub(super) kind: Kind,
     /// Write the answers to this file, .npy or raw: records of f32 t, u32 triangle, f32 u, f32 v
     /// for closest; one byte for any; for all the same records with a u32 behind them, 1 where the ray comes
     /// from the front, and in a second file, .starts before its ending, where each ray's begin, u64; for
     /// inside one byte, 0 outside, 1 inside, 2 on a triangle; for closest-point records of f32 distance, u32
-    /// triangle, f32 u, f32 v, f32 x, f32 y, f32 z
+    /// triangle, f32 u, f32 v, f32 x, f32 y, f32 z. Of scenes of many objects u32 geometry, instance and id
+    /// (the user's number of the instance) stand behind each record
     #[arg(long, value_name = "FILE")]
-    hits: Option<PathBuf>,
+    pub(super) hits: Option<PathBuf>,
+    /// Of scenes of many objects only instances answer that have a bit of these in their mask, decimal or 0x...;
+    /// all bits when left out
+    #[arg(long, value_name = "BITS", value_parser = mask)]
+    pub(super) mask: Option<u32>,
     /// The greatest distance of --kind closest-point; no limit when left out
     #[arg(long, value_name = "DISTANCE", value_parser = distance)]
     max_distance: Option<f32>,
     /// Distances of --kind closest-point are negative for points inside a closed surface
     #[arg(long)]
-    signed: bool,
+    pub(super) signed: bool,
     /// What becomes of rays that a GPU cannot decide within its bounds of error, under `--accuracy exact`
     #[arg(long, value_enum, default_value_t = UndecidedName::Redo)]
-    undecided: UndecidedName,
+    pub(super) undecided: UndecidedName,
     /// Trace so many times and report the median
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
-    repeat: u32,
+    pub(super) repeat: u32,
     #[command(flatten)]
     pub(super) common: Common,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "kebab-case")]
-enum Kind {
+pub(super) enum Kind {
     /// The nearest hit
     Closest,
     /// Whether there is a hit at all
@@ -69,22 +75,32 @@ enum Kind {
 
 impl Kind {
     /// Whether it asks about points, not rays.
-    fn asks_points(self) -> bool {
+    pub(super) fn asks_points(self) -> bool {
         matches!(self, Kind::Inside | Kind::ClosestPoint)
+    }
+
+    /// What its answers are, in words.
+    pub(super) const fn found(self) -> &'static str {
+        match self {
+            Kind::Closest | Kind::Any => "hit",
+            Kind::All => "crossings",
+            Kind::Inside => "inside",
+            Kind::ClosestPoint => "with a closest point",
+        }
     }
 }
 
-/// A distance that something may be within.
-fn distance(text: &str) -> Result<f32, String> {
-    match text.parse::<f32>() {
-        Ok(distance) if distance >= 0.0 => Ok(distance),
-        Ok(_) => Err("a distance is 0 or more".into()),
-        Err(error) => Err(error.to_string()),
-    }
+/// Bits of a mask.
+fn mask(text: &str) -> Result<u32, String> {
+    let number = match text.strip_prefix("0x").or(text.strip_prefix("0X")) {
+        Some(digits) => u32::from_str_radix(digits, 16),
+        None => text.parse(),
+    };
+    number.map_err(|_| "give a number of 32 bits, such as 5 or 0xff".to_owned())
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum UndecidedName {
+pub(super) enum UndecidedName {
     /// The CPU traces them again
     Redo,
     /// They have no answer: triangle 4294967293, or byte 255 for any
@@ -123,7 +139,7 @@ enum Asked {
 }
 
 /// Room for so many answers.
-fn answers<T: Clone>(count: usize, none: T) -> Result<Vec<T>, QueryError> {
+pub(super) fn answers<T: Clone>(count: usize, none: T) -> Result<Vec<T>, QueryError> {
     let (mut answers, needed) = (Vec::new(), (count * size_of::<T>()) as u64);
     let refused = |_| QueryError::OutOfMemory { needed, limit: needed };
     answers.try_reserve_exact(count).map_err(refused)?;
@@ -131,8 +147,15 @@ fn answers<T: Clone>(count: usize, none: T) -> Result<Vec<T>, QueryError> {
     Ok(answers)
 }
 
-impl Asked {
-    fn read(arguments: &Arguments) -> Result<Asked, Failure> {
+/// What a file gives to ask about.
+pub(super) enum Given {
+    Rays(Vec<Ray>),
+    Points(Vec<[f32; 3]>),
+}
+
+impl Given {
+    /// Checks what does not fit together, and reads the file.
+    pub(super) fn read(arguments: &Arguments) -> Result<Given, Failure> {
         if let (Kind::All, Some(path)) = (arguments.kind, &arguments.hits)
             && files::is_stream(path)
         {
@@ -155,22 +178,35 @@ impl Asked {
             }));
         };
         let limit = arguments.common.max_file;
-        if points {
-            let points = ray_file::read_points(file, limit)?;
-            if kind == Kind::Inside {
-                return Ok(Asked::Inside(points, Located::default()));
+        Ok(match points {
+            true => Given::Points(ray_file::read_points(file, limit)?),
+            false => Given::Rays(ray_file::read(file, limit)?),
+        })
+    }
+}
+
+impl Asked {
+    fn read(arguments: &Arguments) -> Result<Asked, Failure> {
+        Ok(match Given::read(arguments)? {
+            Given::Points(points) if arguments.kind == Kind::Inside => {
+                Asked::Inside(points, Located::default())
             }
-            let closest = answers(points.len(), ClosestPoint::NONE)?;
-            let signs = arguments.signed.then(Located::default);
-            let within = arguments.max_distance.unwrap_or(f32::INFINITY);
-            return Ok(Asked::ClosestPoint { points, closest, signs, within });
-        }
-        let rays = ray_file::read(file, limit)?;
-        let count = rays.len();
-        Ok(match kind {
-            Kind::Closest => Asked::Closest(rays, answers(count, Hit::MISS)?),
-            Kind::Any => Asked::Any(rays, answers(count, false)?),
-            Kind::All | Kind::Inside | Kind::ClosestPoint => Asked::All(rays, AllHits::none()),
+            Given::Points(points) => {
+                let closest = answers(points.len(), ClosestPoint::NONE)?;
+                let signs = arguments.signed.then(Located::default);
+                let within = arguments.max_distance();
+                Asked::ClosestPoint { points, closest, signs, within }
+            }
+            Given::Rays(rays) => {
+                let count = rays.len();
+                match arguments.kind {
+                    Kind::Closest => Asked::Closest(rays, answers(count, Hit::MISS)?),
+                    Kind::Any => Asked::Any(rays, answers(count, false)?),
+                    Kind::All | Kind::Inside | Kind::ClosestPoint => {
+                        Asked::All(rays, AllHits::none())
+                    }
+                }
+            }
         })
     }
 
@@ -256,9 +292,24 @@ impl Asked {
     }
 }
 
+impl Arguments {
+    /// The greatest distance of a closest point.
+    pub(super) fn max_distance(&self) -> f32 {
+        self.max_distance.unwrap_or(f32::INFINITY)
+    }
+}
+
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let common = &arguments.common;
     in_pool(common, || {
+        if InstancedScene::is_named_by(&arguments.scene) {
+            return query_objects::run(arguments);
+        }
+        if arguments.mask.is_some() {
+            return Err(Failure::usage(
+                "--mask is for scenes of many objects: one mesh has no instances",
+            ));
+        }
         let mut asked = Asked::read(arguments)?;
         let prepared = Prepared::open(&arguments.scene, common)?;
         let undecided = match arguments.undecided {
@@ -321,12 +372,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         if common.quiet {
             return Ok(());
         }
-        let found = match arguments.kind {
-            Kind::Closest | Kind::Any => "hit",
-            Kind::All => "crossings",
-            Kind::Inside => "inside",
-            Kind::ClosestPoint => "with a closest point",
-        };
+        let found = arguments.kind.found();
         let line = |path: &PathBuf| format!("written  {}\n", path.display());
         output::data(&format!(
             "{}traced   {} in {trace_ms:.2} ms ({:.1} million a second), accuracy {}: {} {found}\n{}",
@@ -341,7 +387,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 /// The middle of the times, the mean of the two middle ones for an even number.
-fn median(times: &mut [f64]) -> f64 {
+pub(super) fn median(times: &mut [f64]) -> f64 {
     times.sort_by(f64::total_cmp);
     match times.len() {
         0 => 0.0,

@@ -11,9 +11,10 @@ use super::{output, progress};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 use splitplane::picture::{self, Aov, HeatMap, Quantity};
-use splitplane::render::{FrameStats, Outputs, RenderError};
+use splitplane::picture::{FirstCost, FirstHit};
+use splitplane::render::{FrameStats, Outputs, Size};
 use splitplane::scene::{InstancedScene, Scene, SceneOptions};
-use splitplane::tracer::{Frame, FrameRequest, TracerError};
+use splitplane::tracer::{Frame, FrameRequest};
 use std::borrow::Cow;
 use std::ffi::OsString;
 use std::num::NonZeroU32;
@@ -59,8 +60,10 @@ enum AovName {
     Depth,
     /// Unit normal of the triangle
     Normal,
-    /// Index of the triangle
+    /// Index of the triangle; of many objects within its geometry
     Triangle,
+    /// Which of many objects it is
+    Instance,
     /// Nodes visited
     Nodes,
     /// Triangles tested
@@ -143,11 +146,6 @@ impl Arguments {
     /// Renders a scene of many objects.
     fn render_objects(&self) -> Result<(), Failure> {
         let Arguments { look, common, .. } = self;
-        let costs =
-            self.heatmap.is_some() || self.wants(AovName::Nodes) || self.wants(AovName::Tests);
-        if costs {
-            return Err(TracerError::Render(RenderError::NoCosts).into());
-        }
         let mut stage = ObjectStage::set(&self.scene, look, common)?;
         let path = self.output.clone().unwrap_or_else(|| default_name(&stage.scene.name));
         let shines = stage.tracer.appearance().needs().emitters > 0;
@@ -162,28 +160,10 @@ impl Arguments {
         let render_ms = milliseconds(start);
         spinner.finish_and_clear();
         let size = look.size;
-        let hits = stage.tracer.first_hits();
-        let aovs: Vec<Aov<'_>> = [
-            (AovName::Depth, Aov::Depth(hits)),
-            (AovName::Normal, Aov::Normal(hits)),
-            (AovName::Triangle, Aov::Triangle(hits)),
-        ]
-        .into_iter()
-        .filter_map(|(name, aov)| self.wants(name).then_some(aov))
-        .collect();
-        let mut written = vec![path.display().to_string()];
-        if request.outputs.radiance {
-            files::write(&path, &picture::encode_exr(size, stage.tracer.radiance(), &aovs)?)?;
-        } else {
-            let screen = picture::screen(size, stage.tracer.pixels())?;
-            files::write(&path, &picture::encode_png(&screen)?)?;
-            for aov in aovs {
-                let beside = path.with_extension(format!("{}.png", aov.name()));
-                files::write(&beside, &picture::encode_png(&aov.picture(size)?)?)?;
-                written.push(beside.display().to_string());
-            }
-        }
-        stage.report_picture(look, common, &stats, render_ms, written)
+        let (hits, costs) = (stage.tracer.first_hits(), stage.tracer.first_costs());
+        let (radiance, pixels) = (stage.tracer.radiance(), stage.tracer.pixels());
+        let written = self.write_made(&path, &Made { size, hits, costs, radiance, pixels })?;
+        stage.report_picture(look, common, &stats, render_ms, &written)
     }
 
     /// Heat maps show no surfaces.
@@ -198,7 +178,7 @@ impl Arguments {
 
     fn outputs(&self, path: &Path) -> Outputs {
         let exr = ends_in(path, "exr");
-        let hits = [AovName::Depth, AovName::Normal, AovName::Triangle];
+        let hits = [AovName::Depth, AovName::Normal, AovName::Triangle, AovName::Instance];
         Outputs {
             pixels: self.heatmap.is_none() && !exr,
             radiance: exr,
@@ -211,14 +191,26 @@ impl Arguments {
 
     /// Writes what was asked for and gives the files.
     fn write(&self, frame: &Frame<'_>, path: &Path) -> Result<Written, Failure> {
+        let outputs = self.outputs(path);
+        let hits = if outputs.first_hits { frame.first_hits()? } else { Cow::default() };
+        let costs = if outputs.first_costs { frame.first_costs()? } else { Cow::default() };
+        let radiance = if outputs.radiance { frame.radiance()? } else { Cow::default() };
+        let pixels = if outputs.pixels { frame.pixels()? } else { Cow::default() };
+        let (hits, costs, radiance, pixels) = (&*hits, &*costs, &*radiance, &*pixels);
         let size = self.look.size;
+        self.write_made(path, &Made { size, hits, costs, radiance, pixels })
+    }
+
+    /// The same of what any tracer made.
+    fn write_made(&self, path: &Path, made: &Made<'_>) -> Result<Written, Failure> {
+        let Made { size, hits, costs, radiance, pixels } = *made;
         let mut written = Written { files: vec![path.to_owned()], heat: None };
         if let Some(quantity) = self.heatmap {
             let quantity = match quantity {
                 QuantityName::Nodes => Quantity::Nodes,
                 QuantityName::Triangles => Quantity::Tests,
             };
-            let map = HeatMap::new(size, &frame.first_costs()?, quantity, self.heatmap_top)?;
+            let map = HeatMap::new(size, costs, quantity, self.heatmap_top)?;
             files::write(path, &picture::encode_png(&map.image)?)?;
             let of = &map.statistics;
             written.heat = Some(format!(
@@ -231,24 +223,22 @@ impl Arguments {
             ));
             return Ok(written);
         }
-        let outputs = self.outputs(path);
-        let hits = if outputs.first_hits { frame.first_hits()? } else { Cow::default() };
-        let costs = if outputs.first_costs { frame.first_costs()? } else { Cow::default() };
         let aovs: Vec<Aov<'_>> = [
-            (AovName::Depth, Aov::Depth(&hits)),
-            (AovName::Normal, Aov::Normal(&hits)),
-            (AovName::Triangle, Aov::Triangle(&hits)),
-            (AovName::Nodes, Aov::Nodes(&costs)),
-            (AovName::Tests, Aov::Tests(&costs)),
+            (AovName::Depth, Aov::Depth(hits)),
+            (AovName::Normal, Aov::Normal(hits)),
+            (AovName::Triangle, Aov::Triangle(hits)),
+            (AovName::Instance, Aov::Instance(hits)),
+            (AovName::Nodes, Aov::Nodes(costs)),
+            (AovName::Tests, Aov::Tests(costs)),
         ]
         .into_iter()
         .filter_map(|(name, aov)| self.wants(name).then_some(aov))
         .collect();
-        if outputs.radiance {
-            files::write(path, &picture::encode_exr(size, &frame.radiance()?, &aovs)?)?;
+        if self.outputs(path).radiance {
+            files::write(path, &picture::encode_exr(size, radiance, &aovs)?)?;
             return Ok(written);
         }
-        let screen = picture::screen(size, &frame.pixels()?)?;
+        let screen = picture::screen(size, pixels)?;
         files::write(path, &picture::encode_png(&screen)?)?;
         for aov in aovs {
             let beside = path.with_extension(format!("{}.png", aov.name()));
@@ -268,8 +258,7 @@ impl Arguments {
         let (width, height) = (self.look.size.width(), self.look.size.height());
         let built = stage.built()?;
         let trace_ms = stats.tracing.map(|time| time.as_secs_f64() * 1e3);
-        let names: Vec<String> =
-            written.files.iter().map(|file| file.display().to_string()).collect();
+        let names = written.names();
         if self.common.json {
             return print_json(&RenderReport {
                 build: built.report(),
@@ -316,11 +305,27 @@ fn redone(stats: &FrameStats) -> String {
     }
 }
 
+/// What a tracer made; empty where it was not asked for.
+struct Made<'a> {
+    size: Size,
+    hits: &'a [FirstHit],
+    costs: &'a [FirstCost],
+    radiance: &'a [[f32; 4]],
+    pixels: &'a [u32],
+}
+
 /// What came of a frame.
-struct Written {
+pub(super) struct Written {
     files: Vec<PathBuf>,
     /// What a heat map says in numbers.
-    heat: Option<String>,
+    pub(super) heat: Option<String>,
+}
+
+impl Written {
+    /// The names of the files.
+    pub(super) fn names(&self) -> Vec<String> {
+        self.files.iter().map(|file| file.display().to_string()).collect()
+    }
 }
 
 /// What `--json` says about a picture.

@@ -4,18 +4,20 @@ use super::failure::Failure;
 use super::options::Common;
 use super::prepared::{Prepared, in_pool, print_json};
 use super::tree::check_tree;
-use super::{output, progress};
+use super::{output, progress, verify_objects};
 use clap::Args;
 use serde::Serialize;
+use splitplane::scene::InstancedScene;
 use splitplane::verify::{Aim, check};
 use std::ffi::OsString;
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
-    /// An .obj, .ply, .stl, .gltf or .glb file, or builtin:NAME[:SIZE]
+    /// An .obj, .ply or .stl file, a .gltf, .glb, .json or .scene file of many objects, or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE")]
     scene: OsString,
-    /// Rays of each kind: random, aimed at edges, aimed at vertices
+    /// Rays of each kind: random, aimed at edges, aimed at vertices. Of many objects each geometry gets its share of them, and as many or
+    /// fewer go through the whole scene, to be compared with all instances asked one after the other
     #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     rays: u64,
     #[command(flatten)]
@@ -34,6 +36,9 @@ struct VerifyReport {
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let common = &arguments.common;
     in_pool(common, || {
+        if InstancedScene::is_named_by(&arguments.scene) {
+            return verify_objects::run(&arguments.scene, arguments.rays, common);
+        }
         let prepared = Prepared::open(&arguments.scene, common)?;
         let mesh = prepared.scene.mesh()?;
         let accelerator = prepared.accelerator.as_ref();

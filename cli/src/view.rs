@@ -10,8 +10,12 @@ use clap::builder::PossibleValuesParser;
 use image::RgbaImage;
 use serde::Serialize;
 use splitplane::render::{RenderSettings, Size};
-use splitplane::scene::{Animation, AnimationError, Placement, Scene, SceneOptions};
-use splitplane_viewer::{DebugView, Ended, FrameReport, Settings, TracedSource, run as open};
+use splitplane::scene::{
+    Animation, AnimationError, InstancedScene, Placement, Scene, SceneOptions,
+};
+use splitplane_viewer::{
+    DebugView, Ended, FrameReport, FrameSource, ObjectsSource, Settings, TracedSource, run as open,
+};
 use std::ffi::OsString;
 use std::io::Cursor;
 use std::path::PathBuf;
@@ -29,7 +33,7 @@ adapter that can draw in it, and 6 when the window's device is lost.";
 #[derive(Args, Debug)]
 #[command(after_help = NOTES)]
 pub(super) struct Arguments {
-    /// An .obj, .ply, .stl, .gltf or .glb file, or builtin:NAME[:SIZE]
+    /// An .obj, .ply or .stl file, a .gltf, .glb, .json or .scene file of many objects, or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE", default_value = DEFAULT_SCENE)]
     scene: OsString,
     /// Width and height of the window in pixels
@@ -38,7 +42,7 @@ pub(super) struct Arguments {
     /// What to show first
     #[arg(long, value_name = "VIEW", default_value = "shaded", value_parser = views())]
     view: String,
-    /// Show the boxes of the tree's nodes at this depth
+    /// Show the boxes of the tree's nodes at this depth; many objects have no one tree
     #[arg(long, value_name = "DEPTH")]
     boxes: Option<u32>,
     /// How the scene moves: a folder of .obj files, or NAME.frames.bin; a built-in scene moves by itself
@@ -69,6 +73,12 @@ pub(super) struct Arguments {
     pub(super) common: Common,
 }
 
+/// What is looked at.
+enum Opened {
+    One(Box<Scene>, Option<Animation>),
+    Many(InstancedScene),
+}
+
 fn views() -> PossibleValuesParser {
     PossibleValuesParser::new(DebugView::ALL.map(DebugView::name))
 }
@@ -87,10 +97,21 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         file_limit: common.max_file,
         ..SceneOptions::default()
     };
-    let (scene, animation) = arguments.open_scene(&scene_options)?;
+    let many = InstancedScene::is_named_by(&arguments.scene);
+    let opened = match many {
+        true => Opened::Many(arguments.open_objects(&scene_options)?),
+        false => arguments.open_scene(&scene_options)?,
+    };
     spinner.finish_and_clear();
-    note_scene(common, &scene);
-    let name = scene.name.clone();
+    let parts = match &opened {
+        Opened::One(scene, _) => scene,
+        Opened::Many(scene) => &scene.parts,
+    };
+    let name = match &opened {
+        Opened::One(scene, _) => scene.name.clone(),
+        Opened::Many(scene) => scene.name.clone(),
+    };
+    note_scene(common, parts);
     let options = common.open_options();
     let settings = Settings {
         size: [arguments.size.width(), arguments.size.height()],
@@ -107,8 +128,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let lights = usize::from(arguments.lights);
     let defaults = RenderSettings::default();
-    let source = TracedSource::new(scene, animation, options, build, lights, defaults, pool);
-    let ended = open(Box::new(source), settings)?;
+    let source: Box<dyn FrameSource> = match opened {
+        Opened::One(scene, moves) => {
+            Box::new(TracedSource::new(*scene, moves, options, build, lights, defaults, pool))
+        }
+        Opened::Many(scene) => {
+            Box::new(ObjectsSource::new(scene, options, build, lights, defaults, pool))
+        }
+    };
+    let ended = open(source, settings)?;
     if let (Some(path), Some(image)) = (&arguments.screenshot, &ended.screenshot) {
         files::write(path, &png(image)?)?;
     }
@@ -122,12 +150,24 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 impl Arguments {
     /// The scene, and its frames if it has any.
-    fn open_scene(&self, options: &SceneOptions) -> Result<(Scene, Option<Animation>), Failure> {
+    fn open_scene(&self, options: &SceneOptions) -> Result<Opened, Failure> {
         match Animation::open(&self.scene, self.frames.as_deref(), options) {
-            Ok((scene, animation)) => Ok((scene, Some(animation))),
-            Err(AnimationError::NoFrames(_)) => Ok((Scene::open_with(&self.scene, options)?, None)),
+            Ok((scene, animation)) => Ok(Opened::One(Box::new(scene), Some(animation))),
+            Err(AnimationError::NoFrames(_)) => {
+                Ok(Opened::One(Box::new(Scene::open_with(&self.scene, options)?), None))
+            }
             Err(error) => Err(error.into()),
         }
+    }
+
+    /// A scene of many objects.
+    fn open_objects(&self, options: &SceneOptions) -> Result<InstancedScene, Failure> {
+        let wrong = match (&self.frames, self.boxes) {
+            (Some(_), _) => "a scene of many objects moves by its own keys; leave --frames out",
+            (_, Some(_)) => "a scene of many objects has no one tree; leave --boxes out",
+            (None, None) => return Ok(InstancedScene::open_with(&self.scene, options)?),
+        };
+        Err(Failure::usage(wrong))
     }
 
     fn view(&self) -> DebugView {

@@ -120,7 +120,7 @@ fn near(a: f64, b: f64) {
     assert!((a - b).abs() <= 1e-9 * a.abs().max(b.abs()), "{a} {b}");
 }
 
-const FILES: [&str; 30] = [
+const FILES: [&str; 38] = [
     "claims.csv",
     "equations.csv",
     "figure-10.png",
@@ -130,6 +130,10 @@ const FILES: [&str; 30] = [
     "figure-12.csv",
     "figure-12.png",
     "figure-12.svg",
+    "figure-3.png",
+    "figure-3.svg",
+    "figure-4-points.png",
+    "figure-4-points.svg",
     "figure-4.png",
     "figure-4.svg",
     "figure-5.png",
@@ -139,8 +143,12 @@ const FILES: [&str; 30] = [
     "figure-7.csv",
     "figure-7.png",
     "figure-7.svg",
+    "figure-8-points.png",
+    "figure-8-points.svg",
     "figure-8.png",
     "figure-8.svg",
+    "figure-9-points.png",
+    "figure-9-points.svg",
     "figure-9.png",
     "figure-9.svg",
     "report.json",

@@ -111,10 +111,193 @@ fn what_is_wrong_is_said_with_its_place() {
     let (_, error) = ends(&folder, 2, &["render", "builtin:forest:3", "-o", "x.png"]);
     assert!(error.contains("objects from 10"), "{error}");
     // Other verbs take a single mesh, and say so.
-    for verb in ["build", "stats", "verify"] {
-        let (_, error) = ends(&folder, 2, &[verb, "builtin:forest"]);
-        assert!(error.contains("many objects; render and animate"), "{verb}: {error}");
-        let output = run(folder.path(), &[verb, "scene.json"]);
-        assert!([2, 3].contains(&output.status.code().unwrap()), "{verb}");
+    for arguments in [
+        &["stats"][..],
+        &["trade", "--out", "trade", "--quick"],
+        &["paper", "--out", "paper", "--quick", "--scene"],
+    ] {
+        for scene in ["builtin:forest", "scene.json", "saved.scene"] {
+            let (_, error) = ends(&folder, 2, &[arguments, &[scene]].concat());
+            assert!(error.contains("one mesh is asked for; render, animate"), "{scene}: {error}");
+        }
+    }
+    let (_, error) = ends(&folder, 2, &["build", "scene.json", "-o", "x.tree"]);
+    assert!(error.contains("does not end in .scene"), "{error}");
+    fs::write(folder.path().join("none.scene"), b"splitsc\nnothing").unwrap();
+    let (_, error) = ends(&folder, 3, &["query", "none.scene", "--rays", "no.f32"]);
+    assert!(error.contains("no.f32"), "{error}");
+    let (_, error) = ends(&folder, 3, &["build", "none.scene"]);
+    assert!(error.contains("none.scene`: the"), "{error}");
+    let (_, error) = ends(&folder, 3, &["build", "missing.scene"]);
+    assert!(error.contains("missing.scene"), "{error}");
+}
+
+/// Rays and points in the form of users' files.
+fn numbers(path: &Path, rows: &[&[f32]]) {
+    let bytes: Vec<u8> = rows.iter().flat_map(|row| *row).flat_map(|x| x.to_le_bytes()).collect();
+    fs::write(path, bytes).unwrap();
+}
+
+fn words(path: &Path, columns: usize) -> Vec<Vec<u32>> {
+    let bytes = fs::read(path).unwrap();
+    assert_eq!(bytes.len() % (4 * columns), 0, "{path:?}");
+    let words: Vec<u32> =
+        bytes.chunks(4).map(|word| u32::from_le_bytes(word.try_into().unwrap())).collect();
+    words.chunks(columns).map(<[u32]>::to_vec).collect()
+}
+
+#[test]
+fn rays_and_points_are_answered_with_geometry_instance_and_id() {
+    let folder = folder();
+    let scene = SCENE.replace("\"scale\": 2", "\"scale\": 2, \"id\": 77, \"mask\": 2");
+    fs::write(folder.path().join("scene.json"), scene).unwrap();
+    let at = |name: &str| folder.path().join(name);
+    // Through the part of twice the size and on to the floor, down on the floor, and beside it.
+    let ray =
+        |from: [f32; 3], z: f32| [from[0], from[1], from[2], 0.0, -1.0, z, 0.0, f32::INFINITY];
+    let rays = [ray([0.5, 2.5, 1.0], -1.0), ray([4.0, 9.0, 4.0], 0.0), ray([40.0, 9.0, 4.0], 0.0)];
+    numbers(&at("rays.f32"), &rays.each_ref().map(|ray| &ray[..]));
+    numbers(&at("points.f32"), &[&[0.25, 1.25, 0.25], &[4.0, 1.0, 4.0]]);
+    let ask = |scene: &str, more: &[&str]| {
+        let hits = ["--hits", "hits.f32", "--backend", "cpu", "--json"];
+        let (out, _) = ends(&folder, 0, &[&["query", scene], more, &hits[..]].concat());
+        serde_json::from_str::<Value>(&out).unwrap()
+    };
+    let rays = ["--rays", "rays.f32"];
+    // From the file, and from what was built of it: the same answers.
+    ends(&folder, 0, &["build", "scene.json", "-o", "saved.scene", "--backend", "cpu", "--quiet"]);
+    for scene in ["scene.json", "saved.scene"] {
+        let report = ask(scene, &rays);
+        assert_eq!((report["rays"].as_u64(), report["hits"].as_u64()), (Some(3), Some(2)));
+        assert_eq!(report["digest"].as_str().unwrap().len(), 16);
+        let hits = words(&at("hits.f32"), 7);
+        let names: Vec<_> = hits.iter().map(|hit| &hit[4..]).collect();
+        assert_eq!(names, [&[1, 1, 77][..], &[0, 0, 0], &[u32::MAX; 3]]);
+        assert_eq!([0, 1].map(|ray| f32::from_bits(hits[ray][0])), [1.0, 9.0]);
+        // Without the second instance's bit the first ray reaches the floor.
+        ask(scene, &[&rays[..], &["--mask", "0xfffffffd"]].concat());
+        assert_eq!(words(&at("hits.f32"), 7)[0][4..], [0, 0, 0]);
+        ask(scene, &[&rays[..], &["--kind", "any"]].concat());
+        assert_eq!(fs::read(at("hits.f32")).unwrap(), [1, 1, 0]);
+        ask(scene, &[&rays[..], &["--kind", "all"]].concat());
+        let crossings = words(&at("hits.f32"), 8);
+        let starts = words(&at("hits.starts.f32"), 2);
+        let of = |ray: usize| starts[ray][0] as usize..starts[ray + 1][0] as usize;
+        assert_eq!(crossings[of(0)].last().unwrap()[5..], [0, 0, 0]);
+        assert_eq!(crossings[of(0)][0][5..], [1, 1, 77]);
+        assert_eq!((of(1).len(), of(2).len()), (1, 0));
+        let points = ["--points", "points.f32", "--kind"];
+        ask(scene, &[&points[..], &["closest-point"]].concat());
+        let closest = words(&at("hits.f32"), 10);
+        assert_eq!((closest[0][8], closest[1][8]), (1, 0));
+        assert_eq!(f32::from_bits(closest[1][0]), 1.0);
+        ask(scene, &[&points[..], &["inside"]].concat());
+        assert_eq!(fs::read(at("hits.f32")).unwrap().len(), 2);
+    }
+    let (first, second) = (ask("scene.json", &rays), ask("saved.scene", &rays));
+    assert_eq!(first["digest"], second["digest"]);
+    assert!(second["preset"].is_null());
+    // What does not fit together is said.
+    let query = ["query", "scene.json", "--rays", "rays.f32"];
+    ends(&folder, 2, &[&query[..], &["--undecided", "flag"]].concat());
+    let (_, error) = ends(&folder, 2, &["query", "part.obj", "--rays", "rays.f32", "--mask", "1"]);
+    assert!(error.contains("many objects"), "{error}");
+    let (_, error) = ends(&folder, 2, &[&query[..], &["--mask", "0x1ffffffff"]].concat());
+    assert!(error.contains("32 bits"), "{error}");
+}
+
+#[test]
+fn scenes_are_built_and_verified() {
+    let folder = folder();
+    let check = ["--rays", "2000", "--backend", "cpu", "--json"];
+    for scene in ["scene.json", "builtin:flock:12"] {
+        ends(&folder, 0, &["build", scene, "-o", "saved.scene", "--backend", "cpu", "--quiet"]);
+        for scene in [scene, "saved.scene"] {
+            let (out, _) = ends(&folder, 0, &[&["verify", scene], &check[..]].concat());
+            let report: Value = serde_json::from_str(&out).unwrap();
+            assert_eq!(report["rays"].as_u64(), Some(2000), "{report}");
+            assert!(report["hits"].as_u64() > Some(400), "{report}");
+            assert_eq!((&report["different"], &report["unexplained"]), (&0.into(), &0.into()));
+        }
+    }
+    let (text, _) = ends(&folder, 0, &["build", "scene.json", "--backend", "cpu"]);
+    assert!(text.contains("3 instances of 2 geometries"), "{text}");
+    // One changed byte is found.
+    let path = folder.path().join("saved.scene");
+    let mut bytes = fs::read(&path).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    fs::write(&path, bytes).unwrap();
+    let (_, error) = ends(&folder, 3, &["verify", "saved.scene"]);
+    assert!(error.contains("checksum"), "{error}");
+}
+
+const ROUND: &str = r#"{
+  "format": "splitplane-scene", "version": 1, "frames": 3,
+  "materials": [{"name": "red", "diffuse": [0.8, 0.1, 0.1]}, {"name": "glass", "glass": {"index": 1.5}}],
+  "geometries": [
+    {"name": "floor", "positions": [[-5,0,-5],[-5,0,5],[5,0,5],[5,0,-5]], "triangles": [[0,1,2],[0,2,3]]},
+    {"name": "balls", "spheres": [{"centre": [0, 1, 0], "radius": 1}, {"centre": [2, 1, 0], "radius": 0.5}], "material": "red"},
+    {"name": "rods", "capsules": [{"ends": [[-2, 0.5, 0], [-2, 2, 0]], "radius": 0.5}]}
+  ],
+  "instances": [
+    {"geometry": "floor"},
+    {"geometry": "balls"},
+    {"geometry": "rods", "material": "glass", "keys": [{"frame": 0}, {"frame": 2, "translate": [0, 1, 0]}]}
+  ],
+  "cameras": [{"eye": [0, 3, 9], "at": [0, 1, 0]}],
+  "lights": [{"sun": {"towards": [1, 2, 1], "irradiance": [3, 3, 3]}}]
+}"#;
+
+#[test]
+fn spheres_and_capsules_are_rendered_and_move() {
+    let folder = folder();
+    let path = |name: &str| folder.path().join(name);
+    fs::write(path("round.json"), ROUND).unwrap();
+    let cpu = ["--backend", "cpu"];
+    let output = ["-o", "one.png", "--json", "--aov", "depth,normal,triangle,instance,nodes,tests"];
+    let (out, _) =
+        ends(&folder, 0, &[&["render", "round.json"], &SMALL[..], &cpu, &output].concat());
+    let report: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!((report["shapes"].as_u64(), report["triangles"].as_u64()), (Some(3), Some(2)));
+    let instances = image::open(path("one.instance.png")).unwrap().to_rgb8();
+    let colours: std::collections::HashSet<_> = instances.pixels().map(|pixel| pixel.0).collect();
+    // Three instances, and what is behind them.
+    assert_eq!(colours.len(), 4);
+    for name in ["depth", "normal", "triangle", "nodes", "tests"] {
+        assert!(path(&format!("one.{name}.png")).exists(), "{name}");
+    }
+    let heat = ["-o", "heat.png", "--heatmap", "triangles"];
+    let (text, _) =
+        ends(&folder, 0, &[&["render", "round.json"], &SMALL[..], &cpu, &heat].concat());
+    assert!(text.contains("triangles tested a ray") && text.contains("3 spheres"), "{text}");
+    // Red where the ball is: its front is lit by the sun.
+    let picture = image::open(path("one.png")).unwrap().to_rgb8();
+    let [r, g, b] = picture.get_pixel(16, 9).0;
+    assert!(i32::from(r) > 50 + i32::from(g).max(i32::from(b)), "{r} {g} {b}");
+    let movie = ["--out", "frames", "--quiet", "--count", "3"];
+    ends(&folder, 0, &[&["animate", "round.json"], &SMALL[..], &cpu, &movie].concat());
+    let frames: Vec<_> = fs::read_dir(path("frames")).unwrap().collect();
+    assert_eq!(frames.len(), 3);
+    // What is built is saved, checked, and shown in grey.
+    ends(
+        &folder,
+        0,
+        &[&["build", "round.json", "-o", "round.scene", "--quiet"], &cpu[..]].concat(),
+    );
+    let (out, _) = ends(
+        &folder,
+        0,
+        &[&["verify", "round.scene", "--rays", "500", "--json"], &cpu[..]].concat(),
+    );
+    let report: Value = serde_json::from_str(&out).unwrap();
+    assert!(report["different"] == 0 && report["hits"].as_u64() > Some(100), "{report}");
+    let grey = ["-o", "grey.png", "--quiet"];
+    ends(&folder, 0, &[&["render", "round.scene"], &SMALL[..], &cpu, &grey].concat());
+    let broken = ROUND.replace("\"radius\": 0.5}]}", "\"radius\": 0}]}");
+    fs::write(path("broken.json"), broken).unwrap();
+    let (_, error) = ends(&folder, 3, &["render", "broken.json", "-o", "x.png"]);
+    for words in ["line 7, column", "geometries[2].capsules[0].radius", "at least 1e-37"] {
+        assert!(error.contains(words), "{words}: {error}");
     }
 }

@@ -3,11 +3,11 @@
 
 use splitplane::gpu::{Gpu, OpenOptions as DeviceOptions};
 use splitplane::render::RenderSettings;
-use splitplane::scene::{Animation, SceneOptions};
+use splitplane::scene::{Animation, InstancedScene, SceneOptions};
 use splitplane::{Accuracy, BackendKind, BuildOptions, OpenOptions, Preset};
 use splitplane_viewer::{
     DebugView, FirstFrame, FrameDevice, FrameError, FrameRequest, FrameSource, FrameTarget,
-    Opening, TracedSource,
+    ObjectsSource, Opening, TracedSource,
 };
 use std::sync::atomic::AtomicBool;
 
@@ -137,4 +137,58 @@ fn an_animation_stays_on_the_device() {
     source.finish().expect("the frame before");
     assert_eq!(device.pixels(&targets[0]), expected[4]);
     assert_eq!(source.finish(), Err(FrameError::NothingSubmitted));
+}
+
+/// Thousands of instances, most of which move in every frame: the same pictures by rays on the CPU and on the device, and only
+/// what moved is made anew.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn many_objects_move_from_frame_to_frame() {
+    let device = Device::open();
+    let never = AtomicBool::new(false);
+    let pictures = |backend: BackendKind| {
+        let scene = InstancedScene::open("builtin:flock:2000").expect("a scene");
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
+        let (open, build) = (OpenOptions::default(), BuildOptions::default());
+        let settings = RenderSettings::default();
+        let mut source = ObjectsSource::new(scene, open, build, 1, settings, pool);
+        assert_eq!(source.finish(), Err(FrameError::NothingSubmitted));
+        let first = FirstFrame { backend, preset: Preset::Fast, aspect: 4.0 / 3.0 };
+        let opening = source.open(&device.shared, &first).expect("a source");
+        assert!((9.0..11.0).contains(&opening.abilities.seconds.expect("it moves")));
+        assert!(opening.bounds.lo[1] < opening.bounds.hi[1]);
+        let mut all = Vec::new();
+        for (turn, frame) in [0, 0, 1, 5].into_iter().enumerate() {
+            let target = device.target();
+            let place = FrameTarget::new(&device.shared, &target, &never);
+            source.submit(&request(&opening, frame, false), &place).expect("a frame");
+            assert!(source.is_done());
+            let report = source.finish().expect("a frame");
+            // Nothing is built again; a frame that is there is not even moved.
+            assert_eq!(report.build_ms, None, "{turn}");
+            assert_eq!(report.update_ms == 0.0, turn < 2, "{turn}");
+            assert!(report.tree.nodes > 100 && report.triangles > 1000, "{report:?}");
+            all.push(device.pixels(&target));
+        }
+        for view in DebugView::ALL {
+            let target = device.target();
+            let place = FrameTarget::new(&device.shared, &target, &never);
+            let shown = FrameRequest { view, ..request(&opening, 5, false) };
+            source.submit(&shown, &place).expect("a frame");
+            source.finish().expect("a frame");
+            all.push(device.pixels(&target));
+        }
+        let nobody = AtomicBool::new(true);
+        let target = device.target();
+        let unwanted = FrameTarget::new(&device.shared, &target, &nobody);
+        let given_up = source.submit(&request(&opening, 6, false), &unwanted);
+        assert_eq!(given_up, Err(FrameError::Superseded));
+        all
+    };
+    let by_cpu = pictures(BackendKind::Cpu);
+    assert!(by_cpu[0] == by_cpu[1] && by_cpu[1] != by_cpu[2] && by_cpu[2] != by_cpu[3]);
+    for (view, picture) in by_cpu[4..].iter().enumerate() {
+        assert!(by_cpu[4..].iter().filter(|other| *other == picture).count() == 1, "{view}");
+    }
+    assert!(pictures(BackendKind::Wgpu) == by_cpu);
 }

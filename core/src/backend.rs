@@ -1,5 +1,6 @@
 //! The seam between backends: object-safe traits at batch level.
 
+mod count;
 mod locate;
 mod options;
 #[cfg(target_has_atomic = "ptr")]
@@ -12,6 +13,7 @@ use crate::mesh::Mesh;
 use crate::query::all_hits::{AllHits, AllHitsOptions};
 use crate::query::closest_point::{ClosestPoint, ClosestPointOptions};
 use crate::query::inside::{self, LocateOptions, Located};
+use crate::query::overlap::{OverlapOptions, Overlaps, Volume};
 use crate::ray::{Hit, QueryOptions, Ray};
 use crate::report::{BackendInfo, BuildSummary, QueryReport};
 #[cfg(target_has_atomic = "ptr")]
@@ -25,6 +27,7 @@ use crate::watch::Watch;
 use alloc::boxed::Box;
 use core::any::Any;
 
+use count::count_by_all_hits;
 pub use locate::locate_along;
 pub use options::{BuildOptions, LoadOptions, QueryLayout};
 #[cfg(target_has_atomic = "ptr")]
@@ -238,6 +241,22 @@ pub trait Accelerator: Send + Sync {
     /// or a device that fails.
     fn all_hits(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> Result<AllHits, QueryError>;
 
+    /// How many crossings [`Accelerator::all_hits`] has of every ray, without them. After an error `counts` holds the answers
+    /// to some of the rays, and nothing says which: do not use it.
+    ///
+    /// The default asks for all hits, of 4,096 rays at a time. The memory that the options allow is that of such a part.
+    ///
+    /// # Errors
+    /// `rays` and `counts` of different length, and as for [`Accelerator::all_hits`].
+    fn count_hits(
+        &self,
+        rays: &[Ray],
+        counts: &mut [u32],
+        options: &AllHitsOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        count_by_all_hits(self, rays, counts, options)
+    }
+
     /// Where points lie relative to the surface that the triangles form: see [`query::inside`](crate::query::inside).
     ///
     /// # Errors
@@ -268,6 +287,40 @@ pub trait Accelerator: Send + Sync {
     ) -> Result<QueryReport, QueryError> {
         let _ = (points, closest, options);
         Err(QueryError::Unsupported { query: "closest points" })
+    }
+
+    /// The triangles that each volume meets, exactly: see [`query::overlap`](crate::query::overlap). Those of another mesh as volumes give the
+    /// pairs of triangles of both that meet.
+    ///
+    /// The default refuses: a backend that answers this question has a method of its own.
+    ///
+    /// # Errors
+    /// More memory than the options allow or than the system has, a watch that cancels the batch, and
+    /// [`QueryError::Unsupported`] from a backend without this query.
+    fn overlaps(
+        &self,
+        volumes: &[Volume<'_>],
+        options: &OverlapOptions<'_>,
+    ) -> Result<Overlaps, QueryError> {
+        let _ = (volumes, options);
+        Err(QueryError::Unsupported { query: "overlaps" })
+    }
+
+    /// Whether each volume meets any triangle, exactly. After an error `found` holds the answers to some of the volumes, and nothing says
+    /// which: do not use it.
+    ///
+    /// The default refuses: a backend that answers this question has a method of its own.
+    ///
+    /// # Errors
+    /// `volumes` and `found` of different length, and those of [`Accelerator::overlaps`].
+    fn overlaps_any(
+        &self,
+        volumes: &[Volume<'_>],
+        found: &mut [bool],
+        options: &OverlapOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        let _ = (volumes, found, options);
+        Err(QueryError::Unsupported { query: "overlaps" })
     }
 }
 

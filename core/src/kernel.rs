@@ -5,21 +5,24 @@
 //! names of files, what a device binds and in which order, what may change between two dispatches.
 //! Tests hold the shaders to it.
 //!
-//! [`TreeBuilder`], [`RayQueries`] and [`DeviceChecks`] are declared here; the renderer declares a set of
+//! [`TreeBuilder`], [`NodeCompressor`], [`RayQueries`] and [`DeviceChecks`] are declared here; the renderer declares a set of
 //! its own.
 
 mod builder;
 mod checks;
+mod compress;
 mod macros;
 mod queries;
 
 use core::fmt::Debug;
 
 pub use builder::{
-    Buffer, Counter, Kernel, Overflow, SUBTREE_NODES, SUBTREE_REFERENCES, SUBTREE_WORDS,
-    TreeBuilder, Uniform,
+    Buffer, Counter, Kernel, Overflow, SUBTREE_NODES, SUBTREE_WORDS, TreeBuilder, Uniform,
 };
 pub use checks::{CheckBuffer, CheckCounter, CheckKernel, CheckUniform, DeviceChecks};
+pub use compress::{
+    CompressBuffer, CompressCounter, CompressKernel, CompressUniform, NodeCompressor,
+};
 pub use queries::{QueryBuffer, QueryCounter, QueryKernel, QueryUniform, RayQueries};
 
 /// A family of kernels that one schedule runs: the tree builder is one, a renderer another. Made by

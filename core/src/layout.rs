@@ -1,12 +1,14 @@
 //! The records that kernels exchange: what crosses to a device. Scalar fields only, every size a
 //! multiple of 16 bytes where a record holds vectors, so that WGSL lays them out alike.
 
+mod compress;
 mod queries;
 
 use crate::aabb::Aabb;
 use crate::config::MAX_BINS;
 use bytemuck::{Pod, Zeroable};
 
+pub use compress::{Compress, CompressCounters, Part};
 pub use queries::{
     BatchUniform, CheckParameters, SceneBatch, SceneUniform, TriangleCount, culling_bits,
 };

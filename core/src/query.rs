@@ -14,6 +14,8 @@ pub mod compressed;
 pub mod inside;
 pub mod intersect;
 pub mod lines;
+#[cfg(feature = "alloc")]
+pub mod overlap;
 mod slabs;
 pub mod traverse;
 pub mod walk;

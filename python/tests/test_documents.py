@@ -13,7 +13,7 @@ import splitplane
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.mark.parametrize("name", ["docs/guide/src/python.md", "python/README.md"])
+@pytest.mark.parametrize("name", ["docs/guide/src/first.md", "docs/guide/src/python.md", "python/README.md"])
 def test_code_of_documents(name: str) -> None:
     text = (ROOT / name).read_text()
     blocks = list(re.finditer(r"^```python\n(.*?)^```", text, re.M | re.S))

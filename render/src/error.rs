@@ -57,9 +57,6 @@ pub enum RenderError {
         /// Triangles of the mesh.
         triangles: u32,
     },
-    /// Costs of rays through a scene of instances: they count nodes of one tree.
-    #[error("costs of rays are counted in the tree of one mesh; a scene of instances has none")]
-    NoCosts,
     /// The rays of a single pixel do not fit the queues.
     #[error(
         "the rays of one pixel need more room than the {paths} paths and {shadow_rays} shadow rays of a \

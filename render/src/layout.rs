@@ -92,8 +92,8 @@ pub struct FirstHit {
     pub u: f32,
     /// Barycentric weight of the third corner.
     pub v: f32,
-    /// Not used.
-    pub padding: u32,
+    /// The instance; 0 in one mesh, and for a miss.
+    pub instance: u32,
 }
 
 impl FirstHit {
@@ -104,7 +104,7 @@ impl FirstHit {
         triangle: u32::MAX,
         u: 0.0,
         v: 0.0,
-        padding: 0,
+        instance: 0,
     };
 }
 

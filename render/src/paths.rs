@@ -10,7 +10,7 @@ use crate::layout::{Path, Surface};
 use crate::lighting::{shining_point, solid_angle};
 use crate::plane::start;
 use crate::random::{Use, key, pair, words};
-use crate::scene_data::{DIELECTRIC, DIRECTIONAL};
+use crate::scene_data::{DIELECTRIC, DIRECTIONAL, NONE};
 use crate::scene_words::SceneWords;
 use crate::surface::{Met, meet};
 use crate::vector::{Vector, add, dot, greatest, length, mul, negated, normalized, scaled, sub};
@@ -57,7 +57,8 @@ pub(crate) fn shade(
     }
     if greatest(material.emission) > 0.0 {
         let mut own = 1.0;
-        if path.density > 0.0 && frame.area_samples > 0 {
+        // No ray is aimed at a shape.
+        if path.density > 0.0 && frame.area_samples > 0 && described != NONE {
             let cosine = dot(surface.geometric_normal, ray.direction).abs();
             let area = (length(plane.scaled_normal) * 0.5, plane.power);
             let other =

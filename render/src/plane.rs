@@ -25,6 +25,10 @@ pub(crate) struct Plane {
 }
 
 impl Plane {
+    /// No plane: one without area.
+    pub(crate) const NONE: Plane =
+        Plane { edges: [[0.0; 3]; 2], scaled_normal: [0.0; 3], power: 0, offset: 0.0 };
+
     pub(crate) fn of(corners: &Triangle) -> Plane {
         let [a, b, c] = *corners;
         let edges = [sub(b, a), sub(c, a)];

@@ -17,6 +17,7 @@
 mod appearance;
 pub mod instances;
 mod needs;
+mod round;
 mod srgb;
 
 pub use appearance::{Appearance, AppearanceError};
@@ -29,6 +30,7 @@ use crate::vector::normalized;
 use core::ops::Range;
 use core::sync::atomic::{AtomicU64, Ordering};
 use instances::InstanceTable;
+pub(crate) use round::RoundPlace;
 use splitplane_core::mesh::Mesh;
 use srgb::{least_shown, linear};
 

@@ -159,9 +159,9 @@ impl SceneWords<'_> {
     }
 
     /// The colour of a texture at a point of a triangle: four texels, weighted by nearness. White for
-    /// no texture.
+    /// no texture, and for shapes.
     pub(crate) fn texture_colour(&self, texture: u32, triangle: u32, weights: [f32; 3]) -> Vector {
-        if texture == NONE {
+        if texture == NONE || triangle == NONE {
             return [1.0; 3];
         }
         let corners = [0, 1, 2].map(|corner| self.texcoord(triangle, corner));

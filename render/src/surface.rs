@@ -7,7 +7,7 @@ use crate::fresnel::{incidence, part, reflected, refracted};
 use crate::layout::{Frame, Path, Surface};
 use crate::lighting::may_be_lit;
 use crate::plane::{Plane, start};
-use crate::scene_data::DIELECTRIC;
+use crate::scene_data::{DIELECTRIC, NONE, RoundPlace};
 use crate::scene_words::{MaterialWords, SceneWords, weighted};
 use crate::vector::{Vector, add, dot, greatest, mul, negated, normalized, scaled};
 use crate::world::{Spot, World};
@@ -27,13 +27,13 @@ pub(crate) struct Met {
     /// Point, normals, offset and material.
     pub(crate) surface: Surface,
     pub(crate) at: Spot,
-    /// The number by which the appearance knows the triangle.
+    /// The number by which the appearance knows the triangle; [`NONE`] for a shape.
     pub(crate) described: u32,
     /// Of its corners.
     pub(crate) weights: [f32; 3],
     /// Whether the ray met the front, which is the outside of a body.
     pub(crate) from_front: bool,
-    /// Its plane.
+    /// Its plane; one without area for a shape.
     pub(crate) plane: Plane,
 }
 
@@ -45,6 +45,9 @@ pub(crate) fn meet(
     (hit, instance): (&Hit, u32),
 ) -> Met {
     let at = Spot { triangle: hit.triangle, instance };
+    if let Some(place) = world.round(ray, (hit, instance)) {
+        return meet_shape(world.material(scene, at), at, ray, &place);
+    }
     let (corners, plane) = world.plane(at);
     let weights = [(1.0 - hit.u) - hit.v, hit.u, hit.v];
     let [along_u, along_v] = [scaled(plane.edges[0], hit.u), scaled(plane.edges[1], hit.v)];
@@ -77,6 +80,21 @@ pub(crate) fn meet(
     // A reflected body keeps its inside.
     let from_front = facing != world.mirrored(instance);
     Met { surface, at, described, weights, from_front, plane }
+}
+
+/// The point of a shape that a ray met. Its texture is white, and it is no light that rays are aimed at.
+fn meet_shape(material: u32, at: Spot, ray: &Ray, place: &RoundPlace) -> Met {
+    let facing = dot(place.normal, ray.direction) < 0.0;
+    let normal = match place.normal {
+        [0.0, 0.0, 0.0] => negated(ray.direction),
+        normal if facing => normal,
+        normal => negated(normal),
+    };
+    let (point, offset) = (place.point, place.offset);
+    let (geometric_normal, plane) = (normal, Plane::NONE);
+    let surface =
+        Surface { point, offset, geometric_normal, material, normal, ..Surface::default() };
+    Met { surface, at, described: NONE, weights: [0.0; 3], from_front: facing, plane }
 }
 
 /// The point that a path's ray met, and what follows from it.

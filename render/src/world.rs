@@ -1,12 +1,13 @@
 //! Where kernels find the triangle that a ray met: in one mesh, or in the instances of a scene.
 
 use crate::plane::Plane;
-use crate::scene_data::NONE;
-use crate::scene_data::instances::InstanceTable;
+use crate::scene_data::instances::{InstanceTable, Shown};
+use crate::scene_data::{NONE, RoundPlace};
 use crate::scene_words::SceneWords;
 use crate::vector::Vector;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::query::traverse::Triangles;
+use splitplane_core::ray::{Hit, Ray};
 use splitplane_core::triangle::Triangle;
 
 /// Names a triangle of what is shown.
@@ -26,7 +27,10 @@ pub(crate) trait World: Copy + Sync {
     /// The corners in the world, and their plane.
     fn plane(&self, at: Spot) -> (Triangle, Plane);
 
-    /// The material of a triangle.
+    /// The place of a hit with a shape, which has no corners; `None` for a triangle.
+    fn round(&self, ray: &Ray, hit: (&Hit, u32)) -> Option<RoundPlace>;
+
+    /// The material of a triangle, or of a shape.
     fn material(&self, scene: &SceneWords<'_>, at: Spot) -> u32;
 
     /// The direction of a normal of an instance in the world.
@@ -48,6 +52,11 @@ impl World for OneMesh<'_> {
     fn plane(&self, at: Spot) -> (Triangle, Plane) {
         let corners = self.0.corners(at.triangle);
         (corners, Plane::of(&corners))
+    }
+
+    #[inline]
+    fn round(&self, _ray: &Ray, _hit: (&Hit, u32)) -> Option<RoundPlace> {
+        None
     }
 
     fn material(&self, scene: &SceneWords<'_>, at: Spot) -> u32 {
@@ -86,8 +95,14 @@ impl World for Instances<'_> {
         (corners, plane.within_reach(reach * shown.stretch()))
     }
 
+    fn round(&self, ray: &Ray, (hit, instance): (&Hit, u32)) -> Option<RoundPlace> {
+        self.table.round(ray, hit, instance)
+    }
+
     fn material(&self, scene: &SceneWords<'_>, at: Spot) -> u32 {
-        match self.table.shown(at.instance).map(|shown| shown.material) {
+        let shown = self.table.shown(at.instance);
+        match shown.map(|shown| shown.material) {
+            Some(NONE) if shown.is_some_and(Shown::has_shapes) => 0,
             None | Some(NONE) => scene.material_of(self.described(at)),
             Some(material) => material.min(scene.frame.materials - 1),
         }

@@ -2,28 +2,37 @@
 
 mod boxes;
 #[cfg(feature = "json")]
+mod cutout;
+#[cfg(feature = "json")]
 mod file;
 #[cfg(feature = "gltf")]
 mod flat;
 #[cfg(any(feature = "gltf", feature = "json"))]
 mod part;
 mod pose;
+#[cfg(feature = "json")]
+mod saved;
 
 #[cfg(feature = "json")]
 pub use file::{MAX_FRAMES, MAX_INSTANCES, SceneFileError, SceneFileProblem, VERSION, parse, read};
 pub use pose::{Key, Pose};
+#[cfg(feature = "json")]
+pub use saved::read_saved;
 
 use super::{Placement, Scene, placement};
 use splitplane_core::mesh::{Mesh, MeshError};
 use splitplane_core::ray::Culling;
-use splitplane_core::scene::{self as objects, GeometryId, InstanceId, Transform};
+use splitplane_core::scene::shape::{Capsule, Shapes, Sphere};
+use splitplane_core::scene::{self as objects, GeometryId, InstanceId, OpacityMask, Transform};
 use splitplane_render::instances::Geometries;
 use splitplane_render::scene_data::NONE;
+use std::ffi::OsStr;
 use std::ops::Range;
+use std::path::Path;
 use thiserror::Error;
 
-/// A geometry: some of the triangles of [`InstancedScene::parts`], by which it is seen in its own space.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+/// A geometry: some of the triangles of [`InstancedScene::parts`], by which it is seen in its own space, or shapes.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Geometry {
     /// Its name.
     pub name: String,
@@ -31,6 +40,51 @@ pub struct Geometry {
     pub vertices: Range<u32>,
     /// Its triangles among all; they name none but its vertices.
     pub triangles: Range<u32>,
+    /// What it consists of in place of triangles.
+    pub solids: Option<Solids>,
+    /// Which parts of its triangles are there for rays; all where there is none.
+    pub opacity: Option<OpacityMask>,
+}
+
+/// Spheres or capsules, and their material.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Solids {
+    /// What they are.
+    pub kind: SolidKind,
+    /// The material of all of them, by its place in the list of [`InstancedScene::parts`].
+    pub material: u32,
+}
+
+/// What [`Solids`] are, in their own space.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SolidKind {
+    /// Spheres.
+    Spheres(Vec<Sphere>),
+    /// Capsules.
+    Capsules(Vec<Capsule>),
+}
+
+impl SolidKind {
+    /// The same, as a geometry takes them.
+    pub fn shapes(&self) -> Shapes {
+        match self {
+            SolidKind::Spheres(all) => Shapes::Spheres(all.clone()),
+            SolidKind::Capsules(all) => Shapes::Capsules(all.clone()),
+        }
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        match self {
+            SolidKind::Spheres(all) => all.len(),
+            SolidKind::Capsules(all) => all.len(),
+        }
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
 }
 
 /// An instance: a geometry in the world, perhaps moving.
@@ -87,6 +141,15 @@ pub enum InstancedError {
     Objects(#[from] objects::SceneError),
 }
 
+/// The ending of files of built scenes.
+pub const SAVED: &str = "scene";
+
+/// Whether what a user writes names a file of a built scene: it ends in `.scene`.
+pub fn is_saved(spec: impl AsRef<OsStr>) -> bool {
+    let ending = Path::new(spec.as_ref()).extension();
+    ending.is_some_and(|ending| ending.eq_ignore_ascii_case(SAVED))
+}
+
 impl Placed {
     /// A geometry at a place, in its own materials.
     pub fn new(geometry: u32, transform: Transform) -> Placed {
@@ -112,11 +175,18 @@ impl InstancedScene {
     pub fn describe(&self) -> Result<objects::Scene, InstancedError> {
         let mut scene = objects::Scene::new();
         for geometry in &self.geometries {
+            if let Some(solids) = &geometry.solids {
+                scene.add_shapes(solids.kind.shapes())?;
+                continue;
+            }
             let named = |error| InstancedError::Mesh { name: geometry.name.clone(), error };
             let Range { start, end } = geometry.vertices;
             let own = self.parts.positions.get(start as usize..end as usize).unwrap_or_default();
             let indices = self.indices_of(geometry);
-            scene.add_mesh(&Mesh::indexed(own, &indices).map_err(named)?)?;
+            let added = scene.add_mesh(&Mesh::indexed(own, &indices).map_err(named)?)?;
+            if let Some(mask) = &geometry.opacity {
+                scene.set_opacity(added, Some(mask.clone()))?;
+            }
         }
         for placed in &self.instances {
             let Placed { transform, mask, id, culling, .. } = *placed;
@@ -150,8 +220,19 @@ impl InstancedScene {
     /// [`Geometries`].
     pub fn numbers(&self) -> (Vec<u32>, Vec<u32>) {
         let first = self.geometries.iter().map(|geometry| geometry.triangles.start);
-        let materials = self.instances.iter().map(|placed| placed.material.unwrap_or(NONE));
+        let of_solids = |placed: &Placed| {
+            let geometry = self.geometries.get(placed.geometry as usize)?;
+            Some(geometry.solids.as_ref()?.material)
+        };
+        let material = |placed: &Placed| placed.material.or_else(|| of_solids(placed));
+        let materials = self.instances.iter().map(|placed| material(placed).unwrap_or(NONE));
         (first.collect(), materials.collect())
+    }
+
+    /// Spheres and capsules of all geometries.
+    pub fn solids(&self) -> usize {
+        let of = |geometry: &Geometry| geometry.solids.as_ref().map_or(0, |own| own.kind.len());
+        self.geometries.iter().map(of).sum()
     }
 
     /// Triangles of all instances together, which may be far more than are held.
@@ -179,7 +260,8 @@ impl From<Scene> for InstancedScene {
         let name = parts.name.clone();
         let (vertices, triangles) =
             (0..parts.positions.len() as u32, 0..parts.indices.len() as u32);
-        let geometries = vec![Geometry { name: name.clone(), vertices, triangles }];
+        let own = Geometry { name: name.clone(), vertices, triangles, ..Geometry::default() };
+        let geometries = vec![own];
         let instances = vec![Placed::new(0, Pose::IDENTITY.transform())];
         let (frames, seconds_per_frame) = (1, 1.0 / 24.0);
         InstancedScene { name, parts, geometries, instances, frames, seconds_per_frame }

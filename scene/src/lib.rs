@@ -41,6 +41,8 @@ pub use splitplane_render::{Dielectric, Light, Material, Texture};
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::mesh::{Mesh, MeshError};
+#[cfg(feature = "json")]
+use std::collections::HashMap;
 use std::ffi::OsStr;
 #[cfg(feature = "obj")]
 use std::path::Path;
@@ -72,6 +74,10 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// The pictures that materials name by index.
     pub textures: Vec<Texture>,
+    /// For every material, by its place, the picture that says where its surfaces have holes, as an index of `textures`. Empty where none has, and
+    /// where it was not read. Pictures of one mesh show no holes; scenes of many objects make [opacity masks](splitplane_core::scene::OpacityMask)
+    /// of them.
+    pub cutouts: Vec<Option<u32>>,
     /// Where the groups and objects of a file begin, in the order of its triangles.
     pub groups: Vec<Group>,
     /// The view the scene was made for; files have none, see [`Placement::of`].
@@ -164,7 +170,10 @@ pub enum SceneError {
     #[error(transparent)]
     File(#[from] instanced::SceneFileError),
     /// A file of many objects, where one mesh was asked for.
-    #[error("`{0}` is a scene of many objects; render and animate take such scenes")]
+    #[error(
+        "`{0}` is a scene of many objects, and one mesh is asked for; render, animate, view, build, query and verify take such \
+         scenes"
+    )]
     ManyObjects(String),
     /// A file that is not of a known format.
     #[error(
@@ -307,6 +316,33 @@ impl Scene {
         let runs = starts.iter().zip(ends).filter(|(group, _)| is_named(group));
         let runs = runs.map(|(group, end)| group.first_triangle..end);
         runs.filter(|run| !run.is_empty()).collect()
+    }
+
+    /// The triangles of all groups and objects by whether it is an object and its name: what [`Scene::triangles_of`] gives of each, for who asks
+    /// for many.
+    #[cfg(feature = "json")]
+    fn triangles_by_group(&self) -> HashMap<(bool, &str), Vec<std::ops::Range<u32>>> {
+        let mut all: HashMap<(bool, &str), Vec<std::ops::Range<u32>>> = HashMap::new();
+        for is_object in [false, true] {
+            let starts: Vec<&Group> =
+                self.groups.iter().filter(|group| group.is_object == is_object).collect();
+            let ends = starts.iter().skip(1).map(|group| group.first_triangle);
+            for (group, end) in starts.iter().zip(ends.chain([self.indices.len() as u32])) {
+                let run = group.first_triangle..end;
+                if run.is_empty() {
+                    continue;
+                }
+                let words = group.name.split_ascii_whitespace().filter(|_| !is_object);
+                for name in words.chain([group.name.as_str()]) {
+                    let runs = all.entry((is_object, name)).or_default();
+                    // A name that is given twice, or is the only word.
+                    if runs.last() != Some(&run) {
+                        runs.push(run.clone());
+                    }
+                }
+            }
+        }
+        all
     }
 
     /// Whether the scene brings light: lights of its own, or triangles that shine.

@@ -7,6 +7,9 @@ pub struct SceneOptions {
     pub materials: MaterialRule,
     /// Whether the textures that materials name are read.
     pub textures: bool,
+    /// Whether the pictures of `map_d`, which say where surfaces have holes, are read: see [`Scene::cutouts`](crate::Scene::cutouts). Scene files of
+    /// many objects read them in any case.
+    pub cutouts: bool,
     /// Most bytes that the texels of all textures together may take, four a texel. Textures are
     /// halved, the largest first, until they fit.
     pub texture_limit: u64,
@@ -37,6 +40,7 @@ impl Default for SceneOptions {
         SceneOptions {
             materials: MaterialRule::default(),
             textures: true,
+            cutouts: false,
             texture_limit: SceneOptions::TEXTURE_LIMIT,
             decode_limit: SceneOptions::DECODE_LIMIT,
             file_limit: None,

@@ -1,6 +1,6 @@
 // Splits what the levels have handed over until it has T references or cannot be split.
-// One workgroup a middle root, all levels of its tree in turn; one invocation a node where it is decided, a reference where
-// references move.
+// One workgroup a middle root, all levels of its tree in turn; one invocation a node where it is decided, as many
+// references for each where they are looked at and moved.
 // Reads: what was handed over and its references; corners of those that a plane cuts where they are clipped.
 // Writes: the tree of each root, its leaves and their references; what the root has counted.
 // Ties: axes in order, then lower positions.
@@ -12,7 +12,7 @@
 @group(0) @binding(1) var<storage, read> counters: array<u32, 32>;
 @group(0) @binding(2) var<storage, read> small_roots: array<SmallRoot>;
 @group(0) @binding(3) var<storage, read> small_references: array<Reference>;
-@group(0) @binding(4) var<storage, read> triangles: array<f32>;
+@group(0) @binding(4) var<storage, read> triangles: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read_write> middle_roots: array<MiddleRoot>;
 @group(0) @binding(6) var<storage, read_write> middle_references: array<Reference>;
 @group(0) @binding(7) var<storage, read_write> middle_nodes: array<atomic<u32>>;
@@ -22,6 +22,8 @@ const LANES: u32 = 256u;
 const SWEEP_SAMPLES: u32 = 64u;
 // In place of an axis: the node is to be swept.
 const TO_BE_SWEPT: u32 = 4u;
+// In place of a next node: the child is none.
+const NO_CHILD: u32 = 0xffu;
 // What `outgrown` says: the rules of the stage, a list of the device, a loop that a driver ended.
 const OUTGROWN_RULES: u32 = 1u;
 const OUTGROWN_ROOM: u32 = 2u;
@@ -49,6 +51,9 @@ var<workgroup> list_first: array<u32, 2>;
 var<workgroup> list_room: array<u32, 2>;
 // Where the references of this level's leaves begin in the pool.
 var<workgroup> leaf_source: u32;
+// A part of the pool for both parts of each reference that the level's planes cut, and how many references it is for.
+var<workgroup> cut_first: u32;
+var<workgroup> cut_room: u32;
 // So far: nodes of the tree, leaves and their references.
 var<workgroup> emitted: u32;
 var<workgroup> leaves: u32;
@@ -60,23 +65,29 @@ var<workgroup> swept: atomic<u32>;
 // Copies of what atomics hold, for decisions that all invocations share.
 var<workgroup> swept_now: u32;
 var<workgroup> outgrown_now: u32;
-// By node of the level: its references, tight bounds in order, its cuts and plane, where children get references.
-var<workgroup> first: array<u32, ACTIVE_NODES>;
-var<workgroup> count: array<u32, ACTIVE_NODES>;
+// By node of the level: its first reference, and behind the last node the end of all; tight bounds in order, its cuts and
+// plane, where children get references.
+var<workgroup> first: array<u32, ACTIVE_NODES + 1u>;
+// Which next nodes its children are, 8 bits each, NO_CHILD for leaves.
+var<workgroup> children: array<u32, ACTIVE_NODES>;
 var<workgroup> tight: array<atomic<u32>, 6u * ACTIVE_NODES>;
 var<workgroup> plane_axis: array<u32, ACTIVE_NODES>;
 var<workgroup> plane_position: array<f32, ACTIVE_NODES>;
 var<workgroup> places: array<vec2<u32>, ACTIVE_NODES>;
-// By 32 references of the level, a bit each: those that begin a node, those that go left, and right.
-var<workgroup> starts: array<atomic<u32>, 256>;
-var<workgroup> lefts: array<atomic<u32>, 256>;
-var<workgroup> rights: array<atomic<u32>, 256>;
-// How many there are before these: nodes; left in the low half, right in the high one.
+// By 32 references of the level, a bit each: those that begin a node, those that its plane cuts, those that go left, and
+// right.
+var<workgroup> marks: array<atomic<u32>, 1024>;
+const STARTS: u32 = 0u;
+const CUTS: u32 = 256u;
+const LEFTS: u32 = 512u;
+const RIGHTS: u32 = 768u;
+// A sweep counts here what is on the two sides of the faces of its samples: left in the low half, right in the high one.
+const SWEEP_SIDES: u32 = LEFTS;
+const SWEEP_FACES: u32 = 384u;
+// How many there are before these 32: nodes in the low 8 bits, cut ones above; left in the low half, right in the high one.
 var<workgroup> starts_before: array<u32, 256>;
 var<workgroup> sides_before: array<u32, 257>;
 
-// By face of the samples of a sweep: references that go left in the low half, right in the high one.
-var<workgroup> sweep_sides: array<atomic<u32>, 384>;
 // The best plane of a sweep, word by word.
 var<workgroup> best_high: atomic<u32>;
 var<workgroup> best_low: atomic<u32>;
@@ -101,7 +112,14 @@ fn share_start(lane: u32) -> u32 {
 // The node of the level that a reference belongs to.
 fn node_of(i: u32) -> u32 {
     let upto = 0xffffffffu >> (31u - i % 32u);
-    return starts_before[i / 32u] + countOneBits(atomicLoad(&starts[i / 32u]) & upto) - 1u;
+    let here = countOneBits(atomicLoad(&marks[STARTS + i / 32u]) & upto);
+    return (starts_before[i / 32u] & 0xffu) + here - 1u;
+}
+
+// How many of the references before one are cut.
+fn cuts_before(i: u32) -> u32 {
+    let below = (1u << (i % 32u)) - 1u;
+    return (starts_before[i / 32u] >> 8u) + countOneBits(atomicLoad(&marks[CUTS + i / 32u]) & below);
 }
 
 // How many of the references before one go left, and right.
@@ -112,8 +130,8 @@ fn before(i: u32) -> vec2<u32> {
     if i % 32u != 0u {
         let below = (1u << (i % 32u)) - 1u;
         here += vec2<u32>(
-            countOneBits(atomicLoad(&lefts[word]) & below),
-            countOneBits(atomicLoad(&rights[word]) & below),
+            countOneBits(atomicLoad(&marks[LEFTS + word]) & below),
+            countOneBits(atomicLoad(&marks[RIGHTS + word]) & below),
         );
     }
     return here;
@@ -145,28 +163,14 @@ fn take(size: u32) -> u32 {
     return begin;
 }
 
-// The next cut of empty space off a cell, at this side or a later one; not found where there is none.
-struct Cut {
-    plane: SplitPlane,
-    side: u32,
-}
-
-fn next_cut(cell: Aabb, bounds: Aabb, from_side: u32) -> Cut {
-    for (var side = from_side; side < 6u; side++) {
-        let plane = empty_cutoff(cell, bounds, side);
-        if plane.found {
-            return Cut(plane, side);
-        }
-    }
-    return Cut(no_plane(), 6u);
-}
-
-fn cut_off(cell: Aabb, cut: Cut) -> Aabb {
+// What is left of a cell when the empty space on a side is cut off.
+fn cut_off(cell: Aabb, bounds: Aabb, side: u32) -> Aabb {
     var rest = cell;
-    if cut.side % 2u == 0u {
-        rest.lo = with_axis(cell.lo, cut.plane.axis, cut.plane.position);
+    let axis = side / 2u;
+    if side % 2u == 0u {
+        rest.lo = with_axis(cell.lo, axis, on_axis(bounds.lo, axis));
     } else {
-        rest.hi = with_axis(cell.hi, cut.plane.axis, cut.plane.position);
+        rest.hi = with_axis(cell.hi, axis, on_axis(bounds.hi, axis));
     }
     return rest;
 }
@@ -187,7 +191,7 @@ fn tight_bounds(node: u32) -> Aabb {
     );
 }
 
-// What the cuts of a node leave, and how many there are; split where levels are left.
+// What the cuts of a node leave, and a bit for each side that is cut; split where levels are left.
 struct Rest {
     cell: Aabb,
     cuts: u32,
@@ -198,16 +202,15 @@ fn rest_of(node: SmallRoot, place: u32) -> Rest {
     let bounds = tight_bounds(place);
     let levels_left = parameters.max_depth - node.depth;
     var rest = Rest(Aabb(node.lo, node.hi), 0u, false);
-    var side = 0u;
-    while side < 6u && rest.cuts < levels_left {
-        let cut = next_cut(rest.cell, bounds, side);
-        if cut.plane.found {
-            rest.cell = cut_off(rest.cell, cut);
-            rest.cuts += 1u;
+    var levels = levels_left;
+    for (var side = 0u; side < 6u && levels > 0u; side++) {
+        if empty_cutoff(rest.cell, bounds, side).found {
+            rest.cell = cut_off(rest.cell, bounds, side);
+            rest.cuts |= 1u << side;
+            levels -= 1u;
         }
-        side = cut.side + 1u;
     }
-    rest.splits = rest.cuts < levels_left;
+    rest.splits = levels > 0u;
     return rest;
 }
 
@@ -255,6 +258,8 @@ fn build(index: u32, lane: u32) -> u32 {
         outgrown_now = 0u;
         list_room = array<u32, 2>();
         list_first = array<u32, 2>();
+        cut_room = 0u;
+        cut_first = 0u;
         leaf_references = 0u;
         leaves = 0u;
         emitted = 1u;
@@ -291,12 +296,16 @@ fn build(index: u32, lane: u32) -> u32 {
     while workgroupUniformLoad(&node_count) > 0u {
         let handed = levels == 0u;
         let turn = levels % 2u;
-        begin_level(handed, turn, lane);
+        begin_level(turn, lane);
+        if handed {
+            bound_root(lane);
+        }
         decide(turn, lane);
         while workgroupUniformLoad(&swept_now) != NO_NODE {
             sweep(handed, turn, lane);
         }
-        classify(handed, lane);
+        divide(handed, lane);
+        cut_references(handed, lane);
         let found = emit(turn, lane);
         levels += 1u;
         if workgroupUniformLoad(&outgrown_now) == 1u {
@@ -319,51 +328,57 @@ fn build(index: u32, lane: u32) -> u32 {
 var<workgroup> found_nodes: u32;
 var<workgroup> found_references: u32;
 
-// Which references begin a node of the level, and the tight bounds of each node.
-fn begin_level(handed: bool, turn: u32, lane: u32) {
+// Which references begin a node of the level.
+fn begin_level(turn: u32, lane: u32) {
     let nodes = node_count;
-    atomicStore(&starts[lane], 0u);
-    atomicStore(&lefts[lane], 0u);
-    atomicStore(&rights[lane], 0u);
-    for (var i = lane; i < 6u * nodes; i += LANES) {
-        atomicStore(&tight[i], select(0u, 0xffffffffu, i % 6u < 3u));
+    for (var word = lane; word < 1024u; word += LANES) {
+        atomicStore(&marks[word], 0u);
     }
     if lane == 0u {
         atomicStore(&swept, NO_NODE);
+        first[nodes] = reference_count;
     }
     workgroupBarrier();
     if lane < nodes {
-        let place = slot(lane, turn);
-        let begin = middle_leaves[place].first;
+        let begin = middle_leaves[slot(lane, turn)].first;
         first[lane] = begin;
-        count[lane] = middle_leaves[place].count;
-        atomicOr(&starts[begin / 32u], 1u << (begin % 32u));
+        atomicOr(&marks[STARTS + begin / 32u], 1u << (begin % 32u));
     }
     workgroupBarrier();
-    let here = countOneBits(atomicLoad(&starts[lane]));
+    let here = countOneBits(atomicLoad(&marks[STARTS + lane]));
     starts_before[lane] = inclusive_scan(lane, vec2<u32>(here, 0u)).x - here;
     workgroupBarrier();
-    var i = share_start(lane);
-    let end = share_start(lane + 1u);
-    var node = 0u;
-    if i < end {
-        node = node_of(i);
+}
+
+// Bounds that hold nothing, of this many nodes. All invocations must call it.
+fn clear_bounds(nodes: u32, lane: u32) {
+    for (var i = lane; i < 6u * nodes; i += LANES) {
+        atomicStore(&tight[i], select(0u, 0xffffffffu, i % 6u < 3u));
     }
-    while i < end {
-        let last = min(end, first[node] + count[node]);
-        var bounds = empty_aabb();
-        for (; i < last; i++) {
-            let reference = level_reference(handed, i);
-            bounds = Aabb(least3(bounds.lo, reference.lo), most3(bounds.hi, reference.hi));
-        }
-        let at = 6u * node;
-        atomicMin(&tight[at], ordered_bits(bounds.lo.x));
-        atomicMin(&tight[at + 1u], ordered_bits(bounds.lo.y));
-        atomicMin(&tight[at + 2u], ordered_bits(bounds.lo.z));
-        atomicMax(&tight[at + 3u], ordered_bits(bounds.hi.x));
-        atomicMax(&tight[at + 4u], ordered_bits(bounds.hi.y));
-        atomicMax(&tight[at + 5u], ordered_bits(bounds.hi.z));
-        node += 1u;
+    workgroupBarrier();
+}
+
+// Widens the tight bounds of a node.
+fn widen(node: u32, bounds: Aabb) {
+    let at = 6u * node;
+    atomicMin(&tight[at], ordered_bits(bounds.lo.x));
+    atomicMin(&tight[at + 1u], ordered_bits(bounds.lo.y));
+    atomicMin(&tight[at + 2u], ordered_bits(bounds.lo.z));
+    atomicMax(&tight[at + 3u], ordered_bits(bounds.hi.x));
+    atomicMax(&tight[at + 4u], ordered_bits(bounds.hi.y));
+    atomicMax(&tight[at + 5u], ordered_bits(bounds.hi.z));
+}
+
+// The tight bounds of the root. Those of other nodes are known when their references are moved.
+fn bound_root(lane: u32) {
+    clear_bounds(1u, lane);
+    var bounds = empty_aabb();
+    for (var i = lane; i < reference_count; i += LANES) {
+        let reference = small_references[source + i];
+        bounds = joined(bounds, reference);
+    }
+    if lane < reference_count {
+        widen(0u, bounds);
     }
     workgroupBarrier();
 }
@@ -399,11 +414,8 @@ fn sweep(handed: bool, turn: u32, lane: u32) {
     let rest = rest_of(middle_leaves[slot(place, turn)], place);
     let extents = extents_of(rest.cell);
     let begin = first[place];
-    let size = count[place];
+    let size = first[place + 1u] - begin;
     let samples = min(size, SWEEP_SAMPLES);
-    for (var face = lane; face < 384u; face += LANES) {
-        atomicStore(&sweep_sides[face], 0u);
-    }
     if lane == 0u {
         atomicStore(&best_high, 0xffffffffu);
         atomicStore(&best_low, 0xffffffffu);
@@ -424,8 +436,8 @@ fn sweep(handed: bool, turn: u32, lane: u32) {
             high += sides_of_planes(other, faces.hi);
         }
         for (var axis = 0u; axis < 3u; axis++) {
-            atomicAdd(&sweep_sides[6u * sample + axis], low[axis]);
-            atomicAdd(&sweep_sides[6u * sample + 3u + axis], high[axis]);
+            atomicAdd(&marks[SWEEP_SIDES + 6u * sample + axis], low[axis]);
+            atomicAdd(&marks[SWEEP_SIDES + 6u * sample + 3u + axis], high[axis]);
         }
     }
     workgroupBarrier();
@@ -439,7 +451,7 @@ fn sweep(handed: bool, turn: u32, lane: u32) {
         let on = face % 3u;
         let position = on_axis(select(here.lo, here.hi, face % 6u >= 3u), on);
         if strictly_inside(rest.cell, on, position) && extents.large_enough {
-            let sides = atomicLoad(&sweep_sides[face]);
+            let sides = atomicLoad(&marks[SWEEP_SIDES + face]);
             let offset = quantised_offset(extents, on_axis(rest.cell.lo, on), position);
             let areas = split_areas(extents, on, offset);
             let sum = wide_sum(wide_product(areas.x, sides & 0xffffu), wide_product(areas.y, sides >> 16u));
@@ -476,6 +488,9 @@ fn sweep(handed: bool, turn: u32, lane: u32) {
         plane_axis[place] = best;
         plane_position[place] = select(0.0, from_order(atomicLoad(&best_order)), best < TRANSFER);
     }
+    for (var face = lane; face < SWEEP_FACES; face += LANES) {
+        atomicStore(&marks[SWEEP_SIDES + face], 0u);
+    }
     workgroupBarrier();
     if lane < node_count && plane_axis[lane] == TO_BE_SWEPT {
         atomicMin(&swept, lane);
@@ -493,32 +508,130 @@ fn sides_of_planes(reference: Reference, planes: vec3<f32>) -> vec3<u32> {
         + select(none, vec3<u32>(0x10000u), reference.hi > planes);
 }
 
-// The sides that each reference goes to, and how many there are before each 32.
-fn classify(handed: bool, lane: u32) {
+// The sides of the references that are on one side of their node's plane, and which ones the plane cuts.
+fn divide(handed: bool, lane: u32) {
     workgroupBarrier();
-    // Neighbours go to different invocations: where one is cut, others often are.
-    for (var i = lane; i < reference_count; i += LANES) {
-        let node = node_of(i);
+    var i = share_start(lane);
+    let end = share_start(lane + 1u);
+    var node = 0u;
+    if i < end {
+        node = node_of(i);
+    }
+    var left = 0u;
+    var right = 0u;
+    while i < end {
+        let last = min(end, first[node + 1u]);
         let axis = plane_axis[node];
-        var sides = vec2<bool>(true, false);
-        if axis != TRANSFER {
-            sides = sides_of(level_reference(handed, i), axis, plane_position[node]);
+        let position = plane_position[node];
+        for (; i < last; i++) {
+            let bit = 1u << (i % 32u);
+            var sides = vec2<bool>(true, false);
+            if axis != TRANSFER {
+                let reference = level_reference(handed, i);
+                let hi = on_axis(reference.hi, axis);
+                sides = vec2<bool>(goes_left(on_axis(reference.lo, axis), hi, position), goes_right(hi, position));
+            }
+            left |= select(0u, bit, sides.x);
+            right |= select(0u, bit, sides.y);
+            if i % 32u == 31u || i + 1u == end {
+                // What seems to go to both sides is to be looked at.
+                let both = left & right;
+                mark(CUTS, i / 32u, both);
+                mark(LEFTS, i / 32u, left ^ both);
+                mark(RIGHTS, i / 32u, right ^ both);
+                left = 0u;
+                right = 0u;
+            }
         }
-        if sides.x {
-            atomicOr(&lefts[i / 32u], 1u << (i % 32u));
-        }
-        if sides.y {
-            atomicOr(&rights[i / 32u], 1u << (i % 32u));
-        }
+        node += 1u;
     }
     workgroupBarrier();
-    let here = countOneBits(atomicLoad(&lefts[lane])) | (countOneBits(atomicLoad(&rights[lane])) << 16u);
+}
+
+fn mark(kind: u32, word: u32, bits: u32) {
+    if bits != 0u {
+        atomicOr(&marks[kind + word], bits);
+    }
+}
+
+// Cuts the references that planes cut, as many for each invocation, and says where their parts go. How many there are
+// before each 32.
+fn cut_references(handed: bool, lane: u32) {
+    let cuts = countOneBits(atomicLoad(&marks[CUTS + lane]));
+    let upto = inclusive_scan(lane, vec2<u32>(cuts, 0u)).x;
+    starts_before[lane] |= (upto - cuts) << 8u;
+    let total = scan_sum().x;
+    if lane == 0u {
+        if total > cut_room {
+            cut_room = total + total / 4u;
+            cut_first = take(2u * cut_room);
+        }
+        outgrown_now = select(0u, 1u, atomicLoad(&outgrown) != 0u);
+    }
+    let room = workgroupUniformLoad(&outgrown_now) == 0u;
+    let share = (total + LANES - 1u) / LANES;
+    var k = min(lane * share, total);
+    let end = min(k + share, total);
+    if room && k < end {
+        // The last word with no more than k before it, and in it the next bit.
+        var word = 0u;
+        for (var step = 128u; step > 0u; step /= 2u) {
+            word += select(0u, step, (starts_before[word + step] >> 8u) <= k);
+        }
+        var bits = atomicLoad(&marks[CUTS + word]);
+        for (var skipped = starts_before[word] >> 8u; skipped < k; skipped++) {
+            bits &= bits - 1u;
+        }
+        while k < end {
+            if bits == 0u {
+                word += 1u;
+                bits = atomicLoad(&marks[CUTS + word]);
+            } else {
+                cut_reference(handed, 32u * word + firstTrailingBit(bits), k);
+                bits &= bits - 1u;
+                k += 1u;
+            }
+        }
+    }
+    storageBarrier();
+    workgroupBarrier();
+    let lefts = countOneBits(atomicLoad(&marks[LEFTS + lane]));
+    let here = lefts | (countOneBits(atomicLoad(&marks[RIGHTS + lane])) << 16u);
     let sum = inclusive_scan(lane, vec2<u32>(here, 0u)).x;
     sides_before[lane] = sum - here;
     if lane == 255u {
         sides_before[256] = sum;
     }
     workgroupBarrier();
+}
+
+// The parts of a reference whose bounds are on both sides of its node's plane. What is left of the triangle may not be.
+fn cut_reference(handed: bool, i: u32, k: u32) {
+    var both = true;
+    var edge = Edge(Parts(empty_aabb(), empty_aabb()), true);
+    if parameters.clip == 1u {
+        let node = node_of(i);
+        let reference = level_reference(handed, i);
+        let corners = corners_of(reference.triangle);
+        both = corners_on_both_sides(
+            corners, Aabb(reference.lo, reference.hi), plane_axis[node], plane_position[node]);
+        edge = clip_edges(corners, plane_axis[node], plane_position[node]);
+    }
+    // Read again: kept meanwhile it would take registers.
+    let again = i ^ opaque_zero;
+    let node = node_of(again);
+    let reference = level_reference(handed, again);
+    let parts = limited(edge, Aabb(reference.lo, reference.hi), plane_axis[node], plane_position[node]);
+    let bit = 1u << (again % 32u);
+    let place = cut_first + 2u * k;
+    if both || !is_empty(parts.left) {
+        middle_references[place] = Reference(parts.left.lo, reference.triangle, parts.left.hi, 0u);
+        mark(LEFTS, again / 32u, bit);
+    }
+    if both || !is_empty(parts.right) {
+        middle_references[place + 1u] = Reference(parts.right.lo, reference.triangle, parts.right.hi, 0u);
+        mark(RIGHTS, again / 32u, bit);
+    }
 }
 
 // What a node gives to the lists of its level, and before it all other nodes: references of next nodes and of leaves, next
@@ -534,10 +647,10 @@ fn emit(turn: u32, lane: u32) -> Found {
     var packed = vec2<u32>(0u);
     var counts = vec2<u32>(0u);
     if lane < node_count {
-        let size = count[lane];
+        let size = first[lane + 1u] - first[lane];
         let splits = plane_axis[lane] != TRANSFER;
-        counts = before(first[lane] + size) - before(first[lane]);
-        let cuts = places[lane].x;
+        counts = before(first[lane + 1u]) - before(first[lane]);
+        let cuts = countOneBits(places[lane].x);
         packed.y = (2u * cuts + select(0u, 2u, splits)) << 16u;
         for (var side = 0u; side < 2u; side++) {
             if splits && counts[side] > parameters.small_node_limit {
@@ -580,34 +693,32 @@ fn place_children(found: Found, turn: u32, lane: u32) {
     if lane < node_count {
         let node = middle_leaves[slot(lane, turn)];
         let bounds = tight_bounds(lane);
-        let cuts = places[lane].x;
         var cell = Aabb(node.lo, node.hi);
         var current = node.node;
         var depth = node.depth;
         var top = emitted + (found.packed.y >> 16u);
         var successor = atomicLoad(&middle_nodes[4u * (first_node + current) + 3u]);
-        var side = 0u;
-        for (var i = 0u; i < cuts; i++) {
-            let cut = next_cut(cell, bounds, side);
-            let low = cut.side % 2u == 0u;
+        for (var cuts = places[lane].x; cuts != 0u; cuts &= cuts - 1u) {
+            let side = firstTrailingBit(cuts);
+            let low = side % 2u == 0u;
             let left = select(top + 1u, top, low);
             let right = select(top, top + 1u, low);
-            put_node(first_node + current, TopNode(cut.plane.axis, bitcast<u32>(cut.plane.position), left, right));
+            let position = on_axis(select(bounds.hi, bounds.lo, vec3<bool>(low)), side / 2u);
+            put_node(first_node + current, TopNode(side / 2u, bitcast<u32>(position), left, right));
             // The empty leaf comes first, whichever side it is on.
             put_node(first_node + top, TopNode(EMPTY, 0u, 0u, select(successor, right, low)));
             successor = select(left - 1u, successor, low);
-            cell = cut_off(cell, cut);
+            cell = cut_off(cell, bounds, side);
             current = top + 1u;
             top += 2u;
             depth += 1u;
-            side = cut.side + 1u;
         }
         let axis = plane_axis[lane];
         var place = vec4<u32>(
             found.packed.x & 0xffffu, found.packed.x >> 16u, found.packed.y & 0xffu, (found.packed.y >> 8u) & 0xffu);
+        var next = vec2<u32>(NO_CHILD);
         if axis == TRANSFER {
-            let children = Aabb(cell.lo, cell.hi);
-            put_leaf(current, successor, children, depth, node.count, place);
+            put_leaf(current, successor, Aabb(cell.lo, cell.hi), depth, node.count, place);
             places[lane] = vec2<u32>(leaf_source + place.y - before(first[lane]).x, 0u);
         } else {
             let position = plane_position[lane];
@@ -629,6 +740,7 @@ fn place_children(found: Found, turn: u32, lane: u32) {
                     middle_leaves[slot(place.z, 1u - turn)] = SmallRoot(
                         part.lo, place.x, part.hi, references, top + child, depth + 1u, 0u,
                         select(0u, 1u, inseparable));
+                    next = select(vec2<u32>(place.z, next.y), vec2<u32>(next.x, place.z), child == 1u);
                     places[lane][child] = list_first[turn] + place.x - rank[child];
                     place += vec4<u32>(references, 0u, 1u, 0u);
                 } else {
@@ -638,9 +750,11 @@ fn place_children(found: Found, turn: u32, lane: u32) {
                 }
             }
         }
+        children[lane] = next.x | (next.y << 8u);
     }
     storageBarrier();
     workgroupBarrier();
+    clear_bounds(found_nodes, lane);
 }
 
 // A leaf of `references` references. Its places are those that the nodes before it leave: see `place_children`.
@@ -657,27 +771,61 @@ fn put_leaf(
         cell.lo, leaf_references + place.y, cell.hi, references, own.node, depth, own.level, leaf_source + place.y);
 }
 
-// Moves references to the children, cut at the plane.
+// Moves references to the children, and bounds the next nodes.
 fn scatter(handed: bool, lane: u32) {
-    for (var i = lane; i < reference_count; i += LANES) {
-        let node = node_of(i);
-        let reference = level_reference(handed, i);
-        let axis = plane_axis[node];
-        let rank = before(i);
-        if axis == TRANSFER {
-            middle_references[places[node].x + rank.x] = reference;
-        } else {
-            let parts = parts_of(reference, axis, plane_position[node]);
-            let bit = 1u << (i % 32u);
-            if (atomicLoad(&lefts[i / 32u]) & bit) != 0u {
-                middle_references[places[node].x + rank.x] =
-                    Reference(parts.left.lo, reference.triangle, parts.left.hi, 0u);
+    let begin = share_start(lane);
+    var i = begin;
+    let end = share_start(lane + 1u);
+    var node = 0u;
+    var k = 0u;
+    var rank = vec2<u32>(0u);
+    if i < end {
+        node = node_of(i);
+        k = cut_first + 2u * cuts_before(i);
+        rank = before(i);
+    }
+    var marked = vec3<u32>(0u);
+    while i < end {
+        let last = min(end, first[node + 1u]);
+        let place = places[node];
+        var left = empty_aabb();
+        var right = left;
+        for (; i < last; i++) {
+            if i % 32u == 0u || i == begin {
+                let word = i / 32u;
+                marked = vec3<u32>(
+                    atomicLoad(&marks[LEFTS + word]), atomicLoad(&marks[RIGHTS + word]), atomicLoad(&marks[CUTS + word]));
+                marked = marked >> vec3<u32>(i % 32u);
             }
-            if (atomicLoad(&rights[i / 32u]) & bit) != 0u {
-                middle_references[places[node].y + rank.y] =
-                    Reference(parts.right.lo, reference.triangle, parts.right.hi, 0u);
+            let goes = (marked.xy & vec2<u32>(1u)) == vec2<u32>(1u);
+            let is_cut = (marked.z & 1u) == 1u;
+            marked = marked >> vec3<u32>(1u);
+            if !is_cut {
+                let reference = level_reference(handed, i);
+                middle_references[select(place.y + rank.y, place.x + rank.x, goes.x)] = reference;
+                if goes.x {
+                    left = joined(left, reference);
+                } else {
+                    right = joined(right, reference);
+                }
+            } else {
+                if goes.x {
+                    let reference = middle_references[k];
+                    middle_references[place.x + rank.x] = reference;
+                    left = joined(left, reference);
+                }
+                if goes.y {
+                    let reference = middle_references[k + 1u];
+                    middle_references[place.y + rank.y] = reference;
+                    right = joined(right, reference);
+                }
+                k += 2u;
             }
+            rank += select(vec2<u32>(0u), vec2<u32>(1u), goes);
         }
+        bound_child(children[node] & 0xffu, left);
+        bound_child(children[node] >> 8u, right);
+        node += 1u;
     }
     storageBarrier();
     workgroupBarrier();
@@ -686,5 +834,16 @@ fn scatter(handed: bool, lane: u32) {
         emitted += total.y >> 16u;
         leaves += (total.y >> 8u) & 0xffu;
         leaf_references += total.x >> 16u;
+    }
+}
+
+fn joined(bounds: Aabb, reference: Reference) -> Aabb {
+    return Aabb(min(bounds.lo, reference.lo), max(bounds.hi, reference.hi));
+}
+
+// What goes to a child is in its tight bounds.
+fn bound_child(child: u32, bounds: Aabb) {
+    if child != NO_CHILD && !is_empty(bounds) {
+        widen(child, bounds);
     }
 }

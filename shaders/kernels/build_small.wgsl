@@ -22,22 +22,28 @@ var<private> kept: bool;
 // Indices count from the subtree's start.
 fn put_node(index: u32, words: vec2<u32>) {
     if kept && index < SUBTREE_NODES {
-        subtrees[slot + 2u * index] = words.x;
-        subtrees[slot + 2u * index + 1u] = words.y;
+        subtrees[slot + 3u * index] = words.x;
+        subtrees[slot + 3u * index + 2u] = words.y;
     }
 }
 
 fn put_right(parent: u32, axis: u32, right: u32) {
     if kept && parent < SUBTREE_NODES {
-        subtrees[slot + 2u * parent + 1u] = (right << 2u) | axis;
+        subtrees[slot + 3u * parent + 2u] = (right << 2u) | axis;
     }
 }
 
-fn put_reference(index: u32, triangle: u32) {
-    if kept && index < SUBTREE_REFERENCES {
-        subtrees[slot + 2u * SUBTREE_NODES + index] = triangle;
+fn put_leaf(index: u32, mask: vec2<u32>, first: u32, lane: u32) {
+    if lane == 0u && kept && index < SUBTREE_NODES {
+        let at = slot + 3u * index;
+        subtrees[at] = mask.x;
+        subtrees[at + 1u] = mask.y;
+        subtrees[at + 2u] = (first << 2u) | 3u;
     }
 }
+
+// A leaf too large to split is not kept.
+fn put_reference(index: u32, triangle: u32) {}
 
 @compute @workgroup_size(32)
 fn main(

@@ -8,7 +8,7 @@
 @group(0) @binding(2) var<storage, read> chunks: array<Chunk>;
 @group(0) @binding(3) var<storage, read> decisions: array<Decision>;
 @group(0) @binding(4) var<storage, read> references: array<Reference>;
-@group(0) @binding(5) var<storage, read> triangles: array<f32>;
+@group(0) @binding(5) var<storage, read> triangles: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read_write> chunk_state: array<u32>;
 
 // The lanes whose references' bounds straddle the plane, where references are clipped. Their order may differ from run to

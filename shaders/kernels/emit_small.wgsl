@@ -36,16 +36,55 @@ fn put_reference(index: u32, triangle: u32) {
     leaf_references[address.y + index] = triangle;
 }
 
-// Copies a subtree that was kept: indices become addresses.
-fn copy_subtree(slot: u32, size: vec2<u32>, lane: u32) {
-    for (var i = lane; i < size.x; i += SMALL_LANES) {
-        let words = vec2<u32>(subtrees[slot + 2u * i], subtrees[slot + 2u * i + 1u]);
-        let is_leaf = (words.y & 3u) == 3u;
-        nodes[address.x + i] = words
-            + select(vec2<u32>(0u, address.x << 2u), vec2<u32>(address.y, 0u), is_leaf);
+// A leaf of a subtree that is built again: an invocation for each reference of a half.
+fn put_leaf(index: u32, mask: vec2<u32>, first: u32, lane: u32) {
+    let place = lane % 32u;
+    let below = (1u << place) - 1u;
+    let of_first_half = countOneBits(mask.x);
+    if lane < 32u && ((mask.x >> place) & 1u) == 1u {
+        put_reference(first + countOneBits(mask.x & below), own_triangles[place].x);
     }
-    for (var i = lane; i < size.y; i += SMALL_LANES) {
-        leaf_references[address.y + i] = subtrees[slot + 2u * SUBTREE_NODES + i];
+    if lane >= 32u && ((mask.y >> place) & 1u) == 1u {
+        put_reference(first + of_first_half + countOneBits(mask.y & below), own_triangles[place].y);
+    }
+    if lane == 0u {
+        put_node(index, vec2<u32>(first, (count_mask(mask) << 2u) | 3u));
+    }
+}
+
+// The triangles of a leaf's references in one half of the root's.
+fn put_half(mask: u32, first: u32, second: bool) {
+    var at = first;
+    for (var left = mask; left != 0u; left &= left - 1u) {
+        let own = own_triangles[firstTrailingBit(left)];
+        put_reference(at, select(own.x, own.y, second));
+        at += 1u;
+    }
+}
+
+// Copies a subtree that was kept: indices become addresses. An invocation a node.
+fn copy_subtree(root: SmallRoot, slot: u32, count: u32, lane: u32) {
+    workgroupBarrier();
+    let half = (root.count + 1u) / 2u;
+    if lane < half {
+        let at = root.first + lane - first_seen();
+        // Of an odd number one is missing: then the other half's last is read, and no leaf has it.
+        own_triangles[lane] = vec2<u32>(
+            small_references[at].triangle, small_references[at + min(half, root.count - 1u - lane)].triangle);
+    }
+    workgroupBarrier();
+    if lane < count {
+        let at = slot + 3u * lane;
+        let mask = vec2<u32>(subtrees[at], subtrees[at + 1u]);
+        let last = subtrees[at + 2u];
+        if (last & 3u) == 3u {
+            let first = last >> 2u;
+            put_half(mask.x, first, false);
+            put_half(mask.y, first + countOneBits(mask.x), true);
+            put_node(lane, leaf(first, count_mask(mask)));
+        } else {
+            nodes[address.x + lane] = vec2<u32>(mask.x, last + (address.x << 2u));
+        }
     }
 }
 
@@ -65,8 +104,9 @@ fn main(
         }
         address = small_addresses[index];
         let size = small_sizes[index];
-        if index < parameters.subtree_room && size.x <= SUBTREE_NODES && size.y <= SUBTREE_REFERENCES {
-            copy_subtree(SUBTREE_WORDS * index, size, lane);
+        let split = root.count <= parameters.small_node_limit;
+        if split && index < parameters.subtree_room && size.x <= SUBTREE_NODES {
+            copy_subtree(root, SUBTREE_WORDS * index, size.x, lane);
         } else {
             _ = build_subtree(root, lane);
         }

@@ -9,7 +9,7 @@
 @group(0) @binding(2) var<storage, read> chunks: array<Chunk>;
 @group(0) @binding(3) var<storage, read> decisions: array<Decision>;
 @group(0) @binding(4) var<storage, read> references: array<Reference>;
-@group(0) @binding(5) var<storage, read> triangles: array<f32>;
+@group(0) @binding(5) var<storage, read> triangles: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read_write> chunk_state: array<u32>;
 @group(0) @binding(7) var<storage, read_write> next_references: array<Reference>;
 

@@ -174,19 +174,17 @@ fn is_open(edge: vec2<f32>) -> bool {
     return edge.y != 0.0 && abs(edge.x) <= edge.y;
 }
 
-// The rest of the test, for the few triangles whose edges may enclose the ray: the edges that are
-// still open, and the distance.
-fn decide(
-    ray: PreparedRay,
-    triangle: Triangle,
-    culling: u32,
-    farthest: f32,
-    screened: Screened,
-) -> Verdict {
+// Of which signs edge functions are for certain, and what is known of them.
+struct EdgeSigns {
+    known: vec3<f32>,
+    positive: bool,
+    negative: bool,
+    // One is neither positive nor negative for certain, nor zero.
+    open: bool,
+}
+
+fn signs_of_edges(ray: PreparedRay, triangle: Triangle, screened: Screened) -> EdgeSigns {
     let seen = screened.seen;
-    let edges = screened.edges;
-    let margin = screened.margin;
-    let nearest = screened.nearest;
     let a = most(abs(seen.a.x), abs(seen.a.y));
     let b = most(abs(seen.b.x), abs(seen.b.y));
     let c = most(abs(seen.c.x), abs(seen.c.y));
@@ -201,8 +199,8 @@ fn decide(
         let first = axis_after(second);
         let edge = decide_edge(
             ray,
-            on_axis(edges, k),
-            margin,
+            on_axis(screened.edges, k),
+            screened.margin,
             corner_of(triangle, first),
             corner_of(triangle, second),
             on_axis(widths, second) < on_axis(widths, first),
@@ -212,11 +210,40 @@ fn decide(
         open = open || is_open(edge);
         known[k] = edge.x;
     }
-    let culled = (culling == CULL_BACK && negative) || (culling == CULL_FRONT && positive);
-    let some = positive || negative || open;
-    if (positive && negative) || culled || !some {
+    return EdgeSigns(known, positive, negative, open);
+}
+
+// Whether the side that the ray comes from does not count.
+fn is_culled(signs: EdgeSigns, culling: u32) -> bool {
+    return (culling == CULL_BACK && signs.negative) || (culling == CULL_FRONT && signs.positive);
+}
+
+// The rest of the test, for the few triangles whose edges may enclose the ray: the edges that are
+// still open, and the distance.
+fn decide(
+    ray: PreparedRay,
+    triangle: Triangle,
+    culling: u32,
+    farthest: f32,
+    screened: Screened,
+) -> Verdict {
+    let signs = signs_of_edges(ray, triangle, screened);
+    let some = signs.positive || signs.negative || signs.open;
+    if (signs.positive && signs.negative) || is_culled(signs, culling) || !some {
         return verdict_not();
     }
+    return distance_of(ray, triangle, farthest, signs.known, screened.nearest, signs.open);
+}
+
+// The verdict on a triangle whose edges may enclose the ray, by the distance; `open` where it is in doubt whether they do.
+fn distance_of(
+    ray: PreparedRay,
+    triangle: Triangle,
+    farthest: f32,
+    known: vec3<f32>,
+    nearest: f32,
+    open: bool,
+) -> Verdict {
     let normal = certain_cross(
         double3_difference_of(triangle.b, triangle.a),
         double3_difference_of(triangle.c, triangle.a),

@@ -1,10 +1,18 @@
-// Snapped corners by triangle index. Needs the binding `triangles`: nine words a triangle.
+// Snapped corners by triangle index. Needs the binding `triangles`: nine words a triangle, four of them an element.
 
+// Three elements hold a triangle's nine words, wherever it begins: after up to three others.
 fn corners_of(triangle: u32) -> Corners {
     let at = 9u * triangle;
-    return Corners(
-        vec3<f32>(triangles[at], triangles[at + 1u], triangles[at + 2u]),
-        vec3<f32>(triangles[at + 3u], triangles[at + 4u], triangles[at + 5u]),
-        vec3<f32>(triangles[at + 6u], triangles[at + 7u], triangles[at + 8u]),
-    );
+    let a = triangles[at / 4u];
+    let b = triangles[at / 4u + 1u];
+    let c = triangles[at / 4u + 2u];
+    // One word is left out or not, then two.
+    let one = (at & 1u) == 1u;
+    let d = select(a, vec4<f32>(a.yzw, b.x), one);
+    let e = select(b, vec4<f32>(b.yzw, c.x), one);
+    let f = select(c.xyz, c.yzw, one);
+    let two = (at & 2u) == 2u;
+    let g = select(d, vec4<f32>(d.zw, e.xy), two);
+    let h = select(e, vec4<f32>(e.zw, f.xy), two);
+    return Corners(g.xyz, vec3<f32>(g.w, h.xy), vec3<f32>(h.zw, select(f.x, f.z, two)));
 }

@@ -5,7 +5,7 @@ struct Batch {
     count: u32,
     culling: u32,
     ignore: u32,
-    // Words of a ray's list, where triangles are listed.
+    // Words of a ray's list, where triangles are listed or counted.
     room: u32,
 }
 

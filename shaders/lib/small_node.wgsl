@@ -9,7 +9,8 @@
 //
 // References are in two halves of equal length, one bit in one of two words each: the first half in the first word.
 //
-// The kernel says what becomes of nodes and references: `put_node`, `put_right`, `put_reference`.
+// The kernel says what becomes of interior nodes, of leaves, and of the references of a leaf too large to split: `put_node`,
+// `put_right`, `put_leaf`, `put_reference`.
 // Needs the bindings `parameters` and `small_references`.
 
 const MAX_DEPTH: u32 = 96u;
@@ -97,6 +98,12 @@ fn name_of(plane: u32) -> u32 {
 fn is_within(root: SmallRoot, name: u32, position: f32) -> bool {
     let axis = name >> 7u;
     return on_axis(root.lo, axis) < position && position < on_axis(root.hi, axis);
+}
+
+// Faces are numbered without gaps, so that all invocations have as many: axis by axis, side by side, half by half.
+fn name_of_face(face: u32, half: u32, inverse: u32) -> u32 {
+    let row = (face * inverse) >> 16u;
+    return 32u * row + face - row * half;
 }
 
 // A face within the cell asks for its slot, and is its own plane's only triangle so far.
@@ -268,14 +275,15 @@ fn put_faces(root: SmallRoot, half: u32, lane: u32) {
 // The planes of a root and their masks. All invocations must call it.
 fn find_planes(root: SmallRoot, half: u32, lane: u32) {
     workgroupBarrier();
-    // The zero keeps compilers from writing these loops out.
-    let end = select(0u, MOST_PLANES + opaque_zero, lane % 32u < half);
-    for (var name = lane; name < end; name += SMALL_LANES) {
-        claim(root, name);
+    let faces = 12u * half;
+    // floor(face / half) of a face below 384, by a product: 2^16 / half and less than one more.
+    let inverse = 65535u / half + 1u;
+    for (var face = lane; face < faces; face += SMALL_LANES) {
+        claim(root, name_of_face(face, half, inverse));
     }
     workgroupBarrier();
-    for (var name = lane; name < end; name += SMALL_LANES) {
-        settle(root, name);
+    for (var face = lane; face < faces; face += SMALL_LANES) {
+        settle(root, name_of_face(face, half, inverse));
     }
     workgroupBarrier();
     let count = atomicLoad(&plane_count);
@@ -410,19 +418,7 @@ fn build_subtree(root: SmallRoot, lane: u32) -> vec2<u32> {
             stack_top += 1u;
             node = Pending(Aabb(node.cell.lo, with_axis(node.cell.hi, axis, position)), left, depth, NOTHING);
         } else {
-            let place = lane % 32u;
-            let below = (1u << place) - 1u;
-            let first = emitted.y + countOneBits(node.mask.x & below);
-            let second = emitted.y + countOneBits(node.mask.x) + countOneBits(node.mask.y & below);
-            if lane < 32u && ((node.mask.x >> place) & 1u) == 1u {
-                put_reference(first, own_triangles[place].x);
-            }
-            if lane >= SMALL_LANES - 32u && ((node.mask.y >> place) & 1u) == 1u {
-                put_reference(second, own_triangles[place].y);
-            }
-            if lane == 0u {
-                put_node(index, vec2<u32>(emitted.y, (count << 2u) | 3u));
-            }
+            put_leaf(index, node.mask, emitted.y, lane);
             emitted.y += count;
             running = stack_top > 0u;
             if running {

@@ -26,9 +26,9 @@ struct Parts {
     right: Aabb,
 }
 
-// Widens bounds to a point.
+// Widens bounds to a corner. Corners are snapped: there is no -0 that a minimum may or may not prefer.
 fn enclose(bounds: Aabb, point: vec3<f32>) -> Aabb {
-    return Aabb(least3(bounds.lo, point), most3(bounds.hi, point));
+    return Aabb(min(bounds.lo, point), max(bounds.hi, point));
 }
 
 // Where an edge crosses the plane, on one other axis: the least and the greatest it may be.
@@ -86,23 +86,32 @@ fn clip_edge(parts: Parts, p: vec3<f32>, q: vec3<f32>, axis: u32, plane: f32) ->
 // Bounds of the parts left and right of a plane within the old bounds, rounded outward (Zhou et al.
 // 2008, Algorithm 2, "clip"). The plane lies strictly between the old bounds on its axis.
 fn clip(corners: Corners, bounds: Aabb, axis: u32, plane: f32) -> Parts {
-    var limits = Parts(bounds, bounds);
-    limits.left.hi = with_axis(bounds.hi, axis, plane);
-    limits.right.lo = with_axis(bounds.lo, axis, plane);
+    return limited(clip_edges(corners, axis, plane), bounds, axis, plane);
+}
+
+// The parts of a triangle on the two sides of a plane, but on the plane's axis.
+fn clip_edges(corners: Corners, axis: u32, plane: f32) -> Edge {
+    var edge = Edge(Parts(empty_aabb(), empty_aabb()), true);
     let reach = most3(most3(abs(corners.a), abs(corners.b)), abs(corners.c));
     if any(reach > vec3<f32>(GREATEST_CLIPPED)) {
-        return limits;
+        return edge;
     }
-    var edge = Edge(Parts(empty_aabb(), empty_aabb()), false);
     edge = clip_edge(edge.parts, corners.a, corners.b, axis, plane);
     if edge.unclipped {
-        return limits;
+        return edge;
     }
     edge = clip_edge(edge.parts, corners.b, corners.c, axis, plane);
     if edge.unclipped {
-        return limits;
+        return edge;
     }
-    edge = clip_edge(edge.parts, corners.c, corners.a, axis, plane);
+    return clip_edge(edge.parts, corners.c, corners.a, axis, plane);
+}
+
+// The old bounds on both sides of a plane, narrowed to the triangle's parts.
+fn limited(edge: Edge, bounds: Aabb, axis: u32, plane: f32) -> Parts {
+    var limits = Parts(bounds, bounds);
+    limits.left.hi = with_axis(bounds.hi, axis, plane);
+    limits.right.lo = with_axis(bounds.lo, axis, plane);
     if edge.unclipped {
         return limits;
     }

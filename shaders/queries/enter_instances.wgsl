@@ -14,7 +14,7 @@
 @group(0) @binding(4) var<uniform> scene_batch: SceneBatch;
 @group(0) @binding(5) var<storage, read_write> deferred_rays: array<u32>;
 @group(0) @binding(6) var<storage, read_write> ways: array<u32>;
-// Instances entered, and rays that are done.
+// Instances entered since the host set this to zero, and rays that are done.
 @group(0) @binding(7) var<storage, read_write> wave_counts: array<atomic<u32>>;
 
 // What intersect.wgsl declares, and nothing here reads.

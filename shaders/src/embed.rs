@@ -68,6 +68,37 @@ pub fn traversal(group: u32, first_binding: u32, test: TriangleTest) -> String {
     text
 }
 
+/// Where a search decides whether to take a hit, in `search.wgsl`.
+const TAKES: &str = "if any || precedes(t, triangle, search) {";
+/// The same where the host has a say.
+const ASKS: &str = "if (any || precedes(t, triangle, search)) && host_accepts(ray, triangle, t, candidate.weights) {";
+/// What hands the host a hit.
+const HOST_ACCEPTS: &str = "
+// A hit for the host's `accept_hit`.
+fn host_accepts(ray: PreparedRay, triangle: u32, t: f32, weights: vec3<f32>) -> bool {
+    let at = barycentric(ray, triangle, weights);
+    return accept_hit(Hit(t, triangle, at.x, at.y));
+}
+";
+
+/// As [`traversal`], for a host that decides which hits count: it must define
+///
+/// `fn accept_hit(hit: Hit) -> bool`
+///
+/// anywhere in the module. A hit that it does not accept is as if it were not there, so among hits at the same `t` the lowest triangle that is
+/// accepted is the answer: the hits of the CPU with such a filter, bit for bit where the function computes the same. It is asked only for
+/// hits that would be the best so far, in any order, and may be asked for one hit several times, since several leaves may name a
+/// triangle. It must be pure, and should be cheap: an alpha test, a list of what to ignore. It may read the host's own bindings and private variables.
+///
+/// The text is complete with the host's function only; without it the module does not validate.
+///
+/// `None` for [`TriangleTest::Certain`], whose bounds know nothing of a host's function.
+pub fn filtered_traversal(group: u32, first_binding: u32, test: TriangleTest) -> Option<String> {
+    let text = traversal(group, first_binding, test);
+    // Nothing where the text has no such place, or several.
+    (text.matches(TAKES).count() == 1).then(|| text.replace(TAKES, ASKS) + HOST_ACCEPTS)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -81,6 +112,16 @@ mod tests {
         }
         assert!(text.contains("@group(2) @binding(4) var<uniform> scene:"), "{text}");
         assert!(!text.contains("@group(0)"), "{text}");
+    }
+
+    #[test]
+    fn a_host_is_asked_where_a_hit_is_taken() {
+        for test in [TriangleTest::Watertight, TriangleTest::MoellerTrumbore] {
+            let text = filtered_traversal(0, 0, test).unwrap();
+            assert_eq!(text.matches("host_accepts(").count(), 2);
+            assert!(!text.contains(TAKES) && !text.contains("fn accept_hit("));
+        }
+        assert_eq!(filtered_traversal(0, 0, TriangleTest::Certain), None);
     }
 
     #[test]

@@ -12,10 +12,14 @@ mod render;
 mod table;
 
 pub use continued::{continue_lists, parts_by_halves};
-pub use embed::{TRAVERSAL_BINDING_COUNT, TriangleTest, traversal, traversal_bindings};
+pub use embed::{
+    TRAVERSAL_BINDING_COUNT, TriangleTest, filtered_traversal, traversal, traversal_bindings,
+};
 pub use query::query;
 pub use render::{RenderFeatures, has_tail, render_parts, render_retry, render_settle};
-pub use table::{CHECKS, KERNELS, LIBRARY, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES};
+pub use table::{
+    CHECKS, COMPRESS, KERNELS, LIBRARY, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES,
+};
 
 use alloc::string::String;
 
@@ -59,6 +63,6 @@ pub fn join(parts: &[Part]) -> String {
 
 /// The kernel of this name, of any table.
 pub fn find(name: &str) -> Option<&'static Shader> {
-    let tables = [KERNELS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, CHECKS];
+    let tables = [KERNELS, COMPRESS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, CHECKS];
     tables.into_iter().flatten().find(|shader| shader.name == name)
 }

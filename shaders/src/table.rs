@@ -47,7 +47,6 @@ library! {
     DECISION "decision"
     BALLOT "ballot"
     SMALL_NODE "small_node"
-    SIDES "sides"
     MIDDLE "middle"
     WIDE_SCAN "wide_scan"
     SHORT_SCAN "short_scan"
@@ -73,6 +72,7 @@ library! {
     ROUNDED "rounded"
     CERTAIN_RECORD "certain_record"
     LIST_SEARCH "list_search"
+    COUNT_SEARCH "count_search"
     WALK "walk"
     TRAVERSE "traverse"
     ONE_HIT "one_hit"
@@ -82,6 +82,8 @@ library! {
     SHORT_STACK "short_stack"
     QUERY "query"
     LIST "list"
+    COUNT_LIST "count_list"
+    COMPRESS_LAYOUT "compress_layout"
     COMPRESSED_BINDINGS "compressed_bindings"
     COMPRESSED_WALK "compressed_walk"
     BOX_STACK "box_stack"
@@ -134,7 +136,7 @@ shaders! {
         "count_children": ARITHMETIC AABB LAYOUT KERNEL CHUNK_STATE CHUNK_STATE_STORE WIDE_SCAN;
         "allocate_children": ARITHMETIC AABB LAYOUT KERNEL SHORT_SCAN;
         "scatter_references": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE SPLIT SAH CORNERS CHUNK_STATE CHILDREN;
-        "build_middle": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE SPLIT SAH WIDE CORNERS SIDES MIDDLE WIDE_SCAN;
+        "build_middle": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE SPLIT SAH WIDE CORNERS MIDDLE WIDE_SCAN;
         "scan_middle": LAYOUT KERNEL SCAN;
         "place_middle": LAYOUT KERNEL MIDDLE;
         "build_small": ARITHMETIC AABB LAYOUT KERNEL SPLIT SAH NODE SMALL_NODE;
@@ -191,6 +193,10 @@ queries! {
         with ARITHMETIC RAY BINDINGS MESH INTERSECT PLAIN_RAY SHEARED SCREEN OBSERVER LIST_SEARCH WALK TRAVERSE ONE_HIT SHORT_STACK QUERY LIST DEFER;
     "list_triangles_retry" is "list_triangles_retry"
         with ARITHMETIC RAY BINDINGS MESH INTERSECT ANY_RAY SHEARED SCREEN OBSERVER LIST_SEARCH WALK TRAVERSE ONE_HIT PRIVATE_STACK QUERY LIST DEFERRED;
+    "count_crossings" is "count_crossings"
+        with ARITHMETIC RAY BINDINGS MESH INTERSECT PLAIN_RAY SHEARED SCREEN CERTAIN OBSERVER COUNT_SEARCH WALK TRAVERSE ONE_HIT SHORT_STACK QUERY COUNT_LIST DEFER;
+    "count_crossings_retry" is "count_crossings_retry"
+        with ARITHMETIC RAY BINDINGS MESH INTERSECT ANY_RAY SHEARED SCREEN CERTAIN OBSERVER COUNT_SEARCH WALK TRAVERSE ONE_HIT PRIVATE_STACK QUERY COUNT_LIST DEFERRED;
     "closest_hit_compressed" is "closest_hit_compressed"
         with ARITHMETIC RAY COMPRESSED_BINDINGS MESH INTERSECT PLAIN_RAY SHEARED WATERTIGHT PLAIN_TRIANGLE OBSERVER SEARCH COMPRESSED_WALK BOX_STACK QUERY DEFER;
     "any_hit_compressed" is "any_hit_compressed"
@@ -303,6 +309,15 @@ pub(crate) const TRAVERSAL_TESTS: [&[Part]; 3] = [
     &[MOELLER_TRUMBORE, SEARCH, WALK, TRAVERSE, ONE_HIT, PRIVATE_STACK],
     &[SHEARED, SCREEN, CERTAIN, CERTAIN_SEARCH, WALK, TRAVERSE, ONE_HIT, PRIVATE_STACK],
 ];
+
+shaders! {
+    /// The kernels that make compressed nodes from a finished tree, in the order of their schedule.
+    COMPRESS "compress" {
+        "open_parts": ARITHMETIC AABB MESH COMPRESS_LAYOUT;
+        "place_children": COMPRESS_LAYOUT WIDE_SCAN;
+        "emit_nodes": ARITHMETIC COMPRESS_LAYOUT;
+    }
+}
 
 shaders! {
     /// What the self-test of a device runs.

@@ -20,6 +20,7 @@
 
 #[doc(hidden)]
 pub mod bound;
+mod objects;
 #[cfg(feature = "parity")]
 pub mod parity;
 #[doc(hidden)]
@@ -34,6 +35,7 @@ use splitplane_core::error::QueryError;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 
+pub use objects::{ObjectsReport, check_objects, rays_of};
 pub use rays::Aim;
 
 /// Rays of a batch.

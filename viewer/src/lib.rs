@@ -1,7 +1,7 @@
 //! An interactive window on a scene: orbit and fly, choose backend, preset and accuracy, look at
 //! depth, normals, triangles, costs and the boxes of the tree.
 //!
-//! The pictures come from a [`FrameSource`] on a thread of its own; [`TracedSource`] is one.
+//! The pictures come from a [`FrameSource`] on a thread of its own: [`TracedSource`] for a mesh, [`ObjectsSource`] for a scene of many objects.
 
 #![forbid(unsafe_code)]
 
@@ -9,6 +9,7 @@ mod area;
 mod blit;
 mod boxes;
 mod error;
+mod objects;
 mod paint;
 mod panel;
 mod projection;
@@ -23,6 +24,7 @@ mod window;
 mod worker;
 
 pub use error::ViewerError;
+pub use objects::ObjectsSource;
 pub use source::{
     Abilities, DebugView, FirstFrame, FrameDevice, FrameError, FrameReport, FrameRequest,
     FrameSource, FrameTarget, Opening, TreeReport, TreeShape,

@@ -19,9 +19,10 @@ use splitplane_core::tree::KdTree;
 use splitplane_core::tree::stats::TreeStats;
 use splitplane_cpu::CpuBackend;
 use splitplane_wgpu::{Gpu, Parity, WgpuBackend};
+use std::borrow::Cow;
 use std::collections::VecDeque;
 use std::time::Instant;
-use views::{debug_picture, outputs, words};
+pub(super) use views::{debug_picture, outputs, words};
 
 /// Frames a second of an animation that does not say when its frames are.
 const FRAMES_A_SECOND: f64 = 24.0;
@@ -114,17 +115,8 @@ impl TracedSource {
         if self.gpu.is_open() {
             return Ok(None);
         }
-        let gpu = Gpu::borrow(target.device.clone(), target.queue.clone());
-        let (adapter, driver) = (gpu.info().name.clone(), gpu.info().driver.clone());
-        let backend = WgpuBackend::new(gpu).map_err(|error| failed(&adapter, &driver, &error))?;
-        let parity = backend.parity().cloned();
-        match &parity {
-            Some(Parity::Structural(difference)) if !self.open.allow_structural => {
-                let difference = difference.clone();
-                return Err(OpenError::Structural { adapter, difference }.into());
-            }
-            _ => self.gpu = Slot::Opened(backend.into()),
-        }
+        let (backend, parity) = connected(target, self.open.allow_structural)?;
+        self.gpu = Slot::Opened(backend.into());
         Ok(parity)
     }
 
@@ -339,7 +331,9 @@ impl TracedSource {
             send(&made.pixels()?);
             return Ok(Some((rays, None)));
         }
-        let (image, legend) = pool.install(|| debug_picture(&made, request.view, size))?;
+        let hits = if outputs.first_hits { made.first_hits()? } else { Cow::default() };
+        let costs = if outputs.first_costs { made.first_costs()? } else { Cow::default() };
+        let (image, legend) = pool.install(|| debug_picture(request.view, size, &hits, &costs))?;
         send(&words(&image));
         Ok(Some((rays, legend)))
     }
@@ -462,11 +456,29 @@ impl FrameSource for TracedSource {
     }
 }
 
-fn length(a: [f32; 3], b: [f32; 3]) -> f64 {
+/// A backend on the window's own device, tested, and its parity.
+pub(super) fn connected(
+    target: &FrameDevice,
+    allow_structural: bool,
+) -> Result<(WgpuBackend, Option<Parity>), FrameError> {
+    let gpu = Gpu::borrow(target.device.clone(), target.queue.clone());
+    let (adapter, driver) = (gpu.info().name.clone(), gpu.info().driver.clone());
+    let backend = WgpuBackend::new(gpu).map_err(|error| failed(&adapter, &driver, &error))?;
+    let parity = backend.parity().cloned();
+    match &parity {
+        Some(Parity::Structural(difference)) if !allow_structural => {
+            let difference = difference.clone();
+            Err(OpenError::Structural { adapter, difference }.into())
+        }
+        _ => Ok((backend, parity)),
+    }
+}
+
+pub(super) fn length(a: [f32; 3], b: [f32; 3]) -> f64 {
     let square = |axis: usize| (f64::from(a[axis]) - f64::from(b[axis])).powi(2);
     (square(0) + square(1) + square(2)).sqrt()
 }
 
-fn milliseconds(start: Instant) -> f64 {
+pub(super) fn milliseconds(start: Instant) -> f64 {
     start.elapsed().as_secs_f64() * 1e3
 }

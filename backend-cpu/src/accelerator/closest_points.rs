@@ -1,14 +1,14 @@
 //! Closest points of a batch.
 
-use rayon::prelude::*;
 use splitplane_core::error::{QueryError, refused};
 use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions, check_lengths};
 use splitplane_core::report::QueryReport;
 use splitplane_core::watch::Stage;
 
 use super::CpuAccelerator;
-use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
+use crate::cancel::ProgressMeter;
 use crate::near::closest_point::ClosestPoints;
+use crate::near::in_order::{Parts, answer_in_order};
 
 /// Points of one task.
 const TASK: usize = 1024;
@@ -26,24 +26,14 @@ impl CpuAccelerator {
         let meter = &ProgressMeter::of(options.watch);
         check_lengths(points.len(), closest.len())?;
         meter.begin_stage(Stage::Rays, points.len() as u64);
-        let few = if meter.is_watched() { FEW } else { TASK };
+        let parts = Parts { task: TASK, few: if meter.is_watched() { FEW } else { TASK } };
         let layout = &self.layout;
-        points.par_chunks(TASK).zip(closest.par_chunks_mut(TASK)).try_for_each(
-            |(points, closest)| {
-                for (points, closest) in points.chunks(few).zip(closest.chunks_mut(few)) {
-                    if meter.is_cancelled() {
-                        break;
-                    }
-                    let task = ClosestPoints { layout, points, closest, options };
-                    // SAFETY: `set` was detected on this processor, and the layout made for it.
-                    let done = unsafe { self.set.run(task) };
-                    done.map_err(|_| refused((layout.wide.stack() * size_of::<u64>()) as u64))?;
-                    meter.advance(points.len() as u64);
-                    meter.record_work(WORK_BETWEEN_CHECKS);
-                }
-                Ok::<(), QueryError>(())
-            },
-        )?;
+        answer_in_order(points, (closest, ClosestPoint::NONE), parts, meter, |points, closest| {
+            let task = ClosestPoints { layout, points, closest, options };
+            // SAFETY: `set` was detected on this processor, and the layout made for it.
+            let done = unsafe { self.set.run(task) };
+            done.map_err(|_| refused((layout.wide.stack() * size_of::<u64>()) as u64))
+        })?;
         meter.finish_stage();
         meter.check_batch().map(|()| QueryReport::default())
     }

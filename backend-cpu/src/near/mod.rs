@@ -1,3 +1,5 @@
 //! Answering points: which point of the mesh is closest.
 
 pub(crate) mod closest_point;
+pub(crate) mod in_order;
+pub(crate) mod overlap;

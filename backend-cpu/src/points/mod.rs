@@ -1,7 +1,7 @@
 //! Point trees on CPU cores: built in parallel, searched by vectors.
 
 mod layout;
-mod order;
+pub(crate) mod order;
 mod search;
 mod tree;
 

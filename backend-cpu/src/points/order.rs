@@ -2,7 +2,7 @@
 //! cache. It changes no answer.
 
 /// Places of queries along a curve (Morton 1966) through the box from `lower` to `upper`. Those outside count as on its side.
-pub(super) fn along_curve<const N: usize>(
+pub(crate) fn along_curve<const N: usize>(
     queries: &[[f32; N]],
     lower: [f32; N],
     upper: [f32; N],

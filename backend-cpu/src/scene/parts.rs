@@ -11,9 +11,22 @@ use splitplane_core::scene::{GeometryId, SceneOptions};
 use crate::accelerator::CpuAccelerator;
 use crate::simd::InstructionSet;
 
+/// What all geometries of a scene have in common.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Kind {
+    /// Entries of the longest stack that a ray needs in one of them.
+    stack: usize,
+    layout: QueryLayout,
+    /// One more than the greatest name.
+    names: usize,
+}
+
 /// The accelerators of a scene's geometries, by name.
 pub(super) struct Geometries<'a> {
-    accelerators: Vec<Option<&'a CpuAccelerator>>,
+    scene: &'a BuiltScene,
+    set: InstructionSet,
+    /// All of them; `None` where they are looked up one by one.
+    listed: Option<Vec<Option<&'a CpuAccelerator>>>,
     /// Entries of the longest stack that a ray needs in one of them.
     pub(super) stack: usize,
     pub(super) layout: QueryLayout,
@@ -33,39 +46,54 @@ pub(super) fn is_direct(scene: &BuiltScene, options: &SceneOptions<'_>) -> bool 
     options.filter.is_none() && !scene.has_opacity() && options.accuracy != Accuracy::Exact
 }
 
+impl Kind {
+    /// `None` where geometries are of several kinds, or of another backend, and where there is none.
+    pub(super) fn of(scene: &BuiltScene, set: InstructionSet) -> Option<Kind> {
+        let mut kind: Option<Kind> = None;
+        for (name, geometry) in scene.geometries() {
+            let own = accelerator(geometry, set)?;
+            let (stack, layout) = (own.parts().0.wide.stack(), own.layout());
+            if kind.is_some_and(|kind| kind.layout != layout) {
+                return None;
+            }
+            let stack = kind.map_or(stack, |kind| kind.stack.max(stack));
+            kind = Some(Kind { stack, layout, names: name.0 as usize + 1 });
+        }
+        kind
+    }
+}
+
 impl<'a> Geometries<'a> {
-    /// `None` where geometries are of several kinds, or of another backend.
+    /// The geometries for a batch of so many rays. All are of this kind.
     ///
     /// # Errors
     /// No memory for the list.
     pub(super) fn of(
         scene: &'a BuiltScene,
         set: InstructionSet,
-    ) -> Result<Option<Geometries<'a>>, QueryError> {
-        let names = scene.geometries().last().map_or(0, |(name, _)| name.0 as usize + 1);
-        let mut accelerators = Vec::new();
-        let bytes = names * size_of::<Option<&CpuAccelerator>>();
-        accelerators.try_reserve_exact(names).map_err(|_| refused(bytes as u64))?;
-        let (mut stack, mut layout) = (0, None);
-        for name in 0..names as u32 {
-            let Some(geometry) = scene.geometry(GeometryId(name)) else {
-                accelerators.push(None);
-                continue;
-            };
-            let Some(own) = accelerator(geometry, set) else { return Ok(None) };
-            if layout.is_some_and(|layout| layout != own.layout()) {
-                return Ok(None);
-            }
-            layout = Some(own.layout());
-            stack = stack.max(own.parts().0.wide.stack());
-            accelerators.push(Some(own));
+        Kind { stack, layout, names }: Kind,
+        rays: usize,
+    ) -> Result<Geometries<'a>, QueryError> {
+        // A list that is longer than the batch would cost more than it saves.
+        if names > rays {
+            return Ok(Geometries { scene, set, listed: None, stack, layout });
         }
-        Ok(layout.map(|layout| Geometries { accelerators, stack, layout }))
+        let mut listed = Vec::new();
+        let bytes = names * size_of::<Option<&CpuAccelerator>>();
+        listed.try_reserve_exact(names).map_err(|_| refused(bytes as u64))?;
+        listed.extend((0..names as u32).map(|name| {
+            let geometry = scene.geometry(GeometryId(name));
+            geometry.and_then(|geometry| accelerator(geometry, set))
+        }));
+        Ok(Geometries { scene, set, listed: Some(listed), stack, layout })
     }
 
     /// A geometry's accelerator.
     #[inline]
     pub(super) fn get(&self, geometry: GeometryId) -> Option<&'a CpuAccelerator> {
-        *self.accelerators.get(geometry.0 as usize)?
+        match &self.listed {
+            Some(listed) => *listed.get(geometry.0 as usize)?,
+            None => accelerator(self.scene.geometry(geometry)?, self.set),
+        }
     }
 }

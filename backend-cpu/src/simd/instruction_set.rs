@@ -6,7 +6,10 @@ use super::avx2::Avx2;
 use super::avx512::Avx512;
 #[cfg(target_arch = "aarch64")]
 use super::neon::Neon;
+#[cfg(not(all(target_arch = "wasm32", target_feature = "simd128")))]
 use super::portable::Portable;
+#[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+use super::simd128::Simd128;
 use super::{Compiled, Simd};
 
 /// What the processor can do, found at run time.
@@ -17,6 +20,8 @@ pub enum InstructionSet {
     Portable,
     /// Vectors of 4 floats in pairs; every 64-bit Arm processor.
     Neon,
+    /// Vectors of 4 floats in pairs: WebAssembly, where the program is compiled for them.
+    Simd128,
     /// Vectors of 8 floats.
     Avx2,
     /// Vectors of 16 floats.
@@ -24,23 +29,38 @@ pub enum InstructionSet {
 }
 
 impl InstructionSet {
-    /// The best this processor has. `SPLITPLANE_ISA` (`portable`, `neon`, `avx2`, `avx512`) lowers it, for
+    /// The best this processor has. `SPLITPLANE_ISA` (`portable`, `neon`, `simd128`, `avx2`, `avx512`) lowers it, for
     /// tests and measurements; it never raises it.
     pub fn detect() -> InstructionSet {
         let wanted = match std::env::var("SPLITPLANE_ISA").as_deref() {
             Ok("portable") => InstructionSet::Portable,
             Ok("neon") => InstructionSet::Neon,
+            Ok("simd128") => InstructionSet::Simd128,
             Ok("avx2") => InstructionSet::Avx2,
             _ => InstructionSet::Avx512,
         };
         InstructionSet::available()
             .into_iter()
             .rfind(|&set| set as u32 <= wanted as u32)
-            .unwrap_or(InstructionSet::Portable)
+            .unwrap_or(InstructionSet::least())
     }
 
-    /// All that this processor has, worst first.
+    /// The worst that there is.
+    pub(crate) fn least() -> InstructionSet {
+        InstructionSet::available()[0]
+    }
+
+    /// All that this processor has, worst first. A program for WebAssembly is loaded only where there is all that it was compiled for, so
+    /// one with vectors has no other set: it would only be longer to load.
     pub fn available() -> Vec<InstructionSet> {
+        #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+        return vec![InstructionSet::Simd128];
+        #[cfg(not(all(target_arch = "wasm32", target_feature = "simd128")))]
+        InstructionSet::of_processor()
+    }
+
+    #[cfg(not(all(target_arch = "wasm32", target_feature = "simd128")))]
+    fn of_processor() -> Vec<InstructionSet> {
         #[allow(unused_mut, reason = "no other set on other processors")]
         let mut sets = vec![InstructionSet::Portable];
         #[cfg(all(target_arch = "aarch64", not(miri)))]
@@ -81,6 +101,7 @@ impl InstructionSet {
         match self {
             InstructionSet::Portable => "portable",
             InstructionSet::Neon => "neon",
+            InstructionSet::Simd128 => "simd128",
             InstructionSet::Avx2 => "avx2",
             InstructionSet::Avx512 => "avx512",
         }
@@ -103,6 +124,9 @@ impl InstructionSet {
                 InstructionSet::Avx2 => Avx2::call(task),
                 #[cfg(target_arch = "aarch64")]
                 InstructionSet::Neon => Neon::call(task),
+                #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+                _ => Simd128::call(task),
+                #[cfg(not(all(target_arch = "wasm32", target_feature = "simd128")))]
                 _ => Portable::call(task),
             }
         }

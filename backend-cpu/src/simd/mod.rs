@@ -9,7 +9,7 @@
 //! Two more vocabularies belong to a set, since builders need what lanes of changing number cannot say:
 //! [`Simd::F32x16`], sixteen floats on any set, and the loops over references of [`references::ReferenceOps`].
 //!
-//! Each set is in a file of its own: `avx512/`, `avx2.rs`, `neon.rs`, `portable.rs`. Intrinsics are
+//! Each set is in a file of its own: `avx512/`, `avx2.rs`, `neon.rs`, `simd128.rs`, `portable.rs`. Intrinsics are
 //! used nowhere else, except for [`F32x4`], which is SSE2.
 
 #[cfg(target_arch = "x86_64")]
@@ -25,6 +25,8 @@ mod instruction_set;
 mod neon;
 pub(crate) mod portable;
 pub(crate) mod references;
+#[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+mod simd128;
 
 pub(crate) use f32x4::F32x4;
 pub use instruction_set::InstructionSet;

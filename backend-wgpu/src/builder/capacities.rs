@@ -251,6 +251,8 @@ impl Capacities {
     pub(crate) fn bytes_of(&self, buffer: Buffer) -> u64 {
         let bytes = match buffer {
             Buffer::Input => self.input_bytes,
+            // Kernels read four words at a time.
+            Buffer::Triangles => (36 * u64::from(self.triangles)).next_multiple_of(16),
             _ => u64::from(self.of(buffer)) * buffer.element_size() as u64,
         };
         if self.by_halves && is_long(buffer) { halves::bytes_in_halves(bytes) } else { bytes }

@@ -111,6 +111,12 @@ fn most_groups(software: bool, things: u32) -> u32 {
     if software { (things / 16).clamp(64, 65_535) } else { 2048 }
 }
 
+/// The same over small roots. These differ in how long they take, and a workgroup that has several takes as long as all of
+/// them. So there are more workgroups than a device runs at a time: whichever ends first makes room for another.
+fn most_groups_of_small_roots(software: bool, roots: u32) -> u32 {
+    if software { most_groups(software, roots) } else { 16_384 }
+}
+
 impl Job for Build<'_> {
     type Set = TreeBuilder;
     type Counters = Counters;
@@ -153,7 +159,8 @@ impl Job for Build<'_> {
                 for view in 0..small_views(&self.capacities) {
                     pieces.extend(firsts.clone().map(|first| {
                         let roots = (self.capacities.small_roots - first).min(ROOTS_A_SLICE);
-                        let workgroups = roots.min(most_groups(self.software, roots));
+                        let workgroups =
+                            roots.min(most_groups_of_small_roots(self.software, roots));
                         let block = self.buffers.slice(first / ROOTS_A_SLICE, view);
                         Piece { view, ..piece(block, workgroups) }
                     }));

@@ -1,13 +1,16 @@
-//! Work of a driver in a thread of its own, waited for no longer than its limits allow.
+//! Work of a driver in a thread of its own, waited for no longer than its limits allow. Time in which the process could have run,
+//! but others did, does not count: see [`Stopwatch`].
 //!
 //! Drivers compile inside the process, in a call that takes as long and as much as it likes. The thread
 //! that makes the call cannot be ended: when a limit is exceeded, it is left to itself.
 
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::mpsc::{self, RecvTimeoutError};
+use std::sync::{Mutex, PoisonError};
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
+use super::stopwatch::Stopwatch;
 use crate::error::DriverLimit;
 
 /// Polling interval for memory and time.
@@ -34,27 +37,28 @@ pub(crate) enum Unfinished {
 }
 
 /// The outcome of `work`, or the limit that it exceeded. With no time at all, nothing is started.
-/// `until` is an end that may come before the limit of time.
+/// `within` has the time of other work of which this is a part, and for which the limit of time holds too.
 pub(crate) fn run<T: Send + 'static>(
     bounds: &Bounds,
-    until: Option<Instant>,
+    within: Option<&Mutex<Stopwatch>>,
     work: impl FnOnce() -> T + Send + 'static,
 ) -> Result<T, Unfinished> {
-    run_metered(bounds, until, private_memory, work)
+    run_metered(bounds, within, private_memory, work)
 }
 
 fn run_metered<T: Send + 'static>(
     bounds: &Bounds,
-    until: Option<Instant>,
+    within: Option<&Mutex<Stopwatch>>,
     mut memory: impl FnMut() -> Option<u64>,
     work: impl FnOnce() -> T + Send + 'static,
 ) -> Result<T, Unfinished> {
-    let start = Instant::now();
-    // A limit beyond what an instant can hold is none.
-    let ends = [start.checked_add(bounds.time), until].into_iter().flatten().min();
-    let left = || ends.map(|end| end.saturating_duration_since(Instant::now()));
+    let mut own = Stopwatch::own();
+    let mut is_over = || {
+        let within = within.map(|watch| watch.lock().unwrap_or_else(PoisonError::into_inner));
+        own.is_over(bounds.time) || within.is_some_and(|mut watch| watch.is_over(bounds.time))
+    };
     let over = Unfinished::Exceeded(DriverLimit::Time(bounds.time));
-    if bounds.time.is_zero() || left().is_some_and(|left| left.is_zero()) {
+    if is_over() {
         return Err(over);
     }
     let before = memory();
@@ -68,8 +72,7 @@ fn run_metered<T: Send + 'static>(
         })
         .map_err(|error| Unfinished::NotStarted(error.to_string()))?;
     loop {
-        let pause = left().map_or(LOOK, |left| left.min(LOOK));
-        match receive.recv_timeout(pause) {
+        match receive.recv_timeout(LOOK) {
             Ok(Ok(out)) => return Ok(out),
             Ok(Err(panic)) => resume_unwind(panic),
             Err(RecvTimeoutError::Disconnected) => unreachable!("it sends before it ends"),
@@ -80,7 +83,7 @@ fn run_metered<T: Send + 'static>(
         {
             return Err(Unfinished::Exceeded(DriverLimit::Memory(bounds.memory)));
         }
-        if left().is_some_and(|left| left.is_zero()) {
+        if is_over() {
             return Err(over);
         }
     }
@@ -133,24 +136,20 @@ mod tests {
         let limit = DriverLimit::Time(bounds.time);
         assert_eq!(run(&bounds, None, work), Err(Unfinished::Exceeded(limit)));
         // The end of an enclosing piece of work comes before its own.
-        let bounds = Bounds { time: FOREVER, ..bounds };
+        let whole = Mutex::new(Stopwatch::own());
+        thread::sleep(bounds.time);
         let (_release, work) = stalled();
-        let until = Some(Instant::now() + Duration::from_millis(30));
-        let limit = DriverLimit::Time(FOREVER);
-        assert_eq!(run(&bounds, until, work), Err(Unfinished::Exceeded(limit)));
+        assert_eq!(run(&bounds, Some(&whole), work), Err(Unfinished::Exceeded(limit)));
     }
 
     #[test]
     fn nothing_is_begun_without_time() {
         let none = Bounds { time: Duration::ZERO, memory: u64::MAX };
-        let some = Bounds { time: FOREVER, ..none };
-        for (bounds, until) in [(none, None), (some, Some(Instant::now()))] {
-            let (send, begun) = mpsc::channel();
-            let out = run(&bounds, until, move || send.send(()));
-            assert!(matches!(out, Err(Unfinished::Exceeded(DriverLimit::Time(_)))), "{out:?}");
-            // Not even later: what would send is gone.
-            assert_eq!(begun.recv(), Err(mpsc::RecvError));
-        }
+        let (send, begun) = mpsc::channel();
+        let out = run(&none, None, move || send.send(()));
+        assert!(matches!(out, Err(Unfinished::Exceeded(DriverLimit::Time(_)))), "{out:?}");
+        // Not even later: what would send is gone.
+        assert_eq!(begun.recv(), Err(mpsc::RecvError));
     }
 
     #[test]

@@ -3,9 +3,9 @@
 use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
-use std::time::Instant;
 
 use crate::device::bounded::{self, Bounds, Unfinished};
+use crate::device::stopwatch::Stopwatch;
 use crate::error::GpuError;
 
 /// The limits of a device's driver for pipelines, and the pipelines that exceeded them.
@@ -24,9 +24,9 @@ pub(crate) struct Compiler {
 type Planted = Arc<dyn Fn(&str) + Send + Sync>;
 
 /// The state of an opening.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 struct UnderWay {
-    until: Option<Instant>,
+    since: Arc<Mutex<Stopwatch>>,
     /// The first limit that was exceeded.
     exceeded: Option<GpuError>,
 }
@@ -75,8 +75,8 @@ impl Compiler {
     }
 
     pub(crate) fn opening(&self) -> Opening<'_> {
-        let until = Instant::now().checked_add(self.bounds.time);
-        *lock(&self.opening) = Some(UnderWay { until, exceeded: None });
+        let since = Arc::new(Mutex::new(Stopwatch::own()));
+        *lock(&self.opening) = Some(UnderWay { since, exceeded: None });
         Opening { compiler: self }
     }
 
@@ -101,8 +101,8 @@ impl Compiler {
                 make(&label, &source)
             }
         };
-        let until = lock(&self.opening).as_ref().and_then(|opening| opening.until);
-        match bounded::run(&self.bounds, until, work) {
+        let opening = lock(&self.opening).as_ref().map(|opening| Arc::clone(&opening.since));
+        match bounded::run(&self.bounds, opening.as_deref(), work) {
             Ok(made) => {
                 self.made.fetch_add(u64::from(made.is_ok()), Ordering::Relaxed);
                 made

@@ -229,6 +229,11 @@ impl<'a, J: Job> DeviceExecutor<'a, J> {
         &self.job
     }
 
+    /// The same, for another executor. What was recorded and not submitted is dropped.
+    pub fn into_job(self) -> J {
+        self.job
+    }
+
     /// Whether the lists of this round and the next have changed places.
     pub fn swapped(&self) -> bool {
         self.swapped

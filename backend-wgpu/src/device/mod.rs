@@ -18,6 +18,7 @@ pub mod pipelines;
 pub mod profile;
 pub mod readback;
 pub(crate) mod scope;
+pub(crate) mod stopwatch;
 pub mod traffic;
 
 pub use bindings::BindGroups;

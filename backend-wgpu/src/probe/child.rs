@@ -11,6 +11,7 @@ use super::outcome::{encode, over, say};
 use crate::backend::WgpuBackend;
 use crate::device::adapters::{Adapter, Adapters};
 use crate::device::gpu::Gpu;
+use crate::device::stopwatch::longest;
 use crate::error::{GpuError, OpenError};
 use crate::options::OpenOptions;
 use crate::parity::Parity;
@@ -65,7 +66,8 @@ impl Asked {
             return say("failed", format_args!("no GPU adapter is called `{}`", self.name));
         };
         let options = OpenOptions {
-            timeout: Some(self.time),
+            // The limit of time is the parent's to keep.
+            timeout: Some(longest(self.time)),
             driver_time: Some(self.time),
             driver_memory: Some(self.memory),
             ..OpenOptions::default()

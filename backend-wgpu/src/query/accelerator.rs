@@ -23,8 +23,8 @@ use crate::error::GpuError;
 /// not let finish (see [`UNFINISHED`](super::UNFINISHED)) are answered from the host copy too, and
 /// counted in the report.
 ///
-/// For all hits and points in a mesh the device lists the triangles that matter to each ray, and the host decides them
-/// exactly.
+/// For all hits the device lists the triangles that matter to each ray, and the host decides them exactly. It counts hits, and
+/// windings around points, where it is certain of every crossing; what it is not certain of is answered as all hits are.
 ///
 /// Under accuracy `exact` the device names the triangles of which it is certain and leaves the
 /// other rays undecided; the options say how to treat those, and the report counts them. Distances
@@ -78,12 +78,20 @@ impl WgpuAccelerator {
     }
 
     /// Lets batches of accuracy `watertight` go through compressed wide nodes, which are made now: see
-    /// [`DeviceTree::compress`]. A rebuild gives a tree without them.
+    /// [`DeviceTree::compress`]. After a rebuild the tree has such as the device makes.
     ///
     /// # Errors
     /// As for [`DeviceTree::compress`]; nothing has changed then.
     pub fn compress(&mut self) -> Result<(), GpuError> {
         self.device.compress(&self.queries, &self.tree.view(), &self.triangles)
+    }
+
+    /// The same with nodes that the device makes, which takes no thread of the host: see [`DeviceTree::compress_on_device`].
+    ///
+    /// # Errors
+    /// As for [`DeviceTree::compress_on_device`]; nothing has changed then.
+    pub fn compress_on_device(&mut self) -> Result<(), GpuError> {
+        self.device.compress_on_device(&self.queries)
     }
 
     /// The device and its query pipelines; with typed errors, and queries over device buffers.

@@ -13,11 +13,12 @@ use super::lists::{FEW, Lists};
 use super::settle::{Asking, list};
 
 /// What the tasks of a batch have in common.
-struct Batch<'a> {
-    accelerator: &'a WgpuAccelerator,
-    options: &'a AllHitsOptions<'a>,
-    asking: &'a Asking<'a>,
-    held: &'a Held,
+#[derive(Clone, Copy)]
+pub(super) struct Batch<'a> {
+    pub(super) accelerator: &'a WgpuAccelerator,
+    pub(super) options: &'a AllHitsOptions<'a>,
+    pub(super) asking: &'a Asking<'a>,
+    pub(super) held: &'a Held,
 }
 
 impl WgpuAccelerator {
@@ -56,7 +57,7 @@ impl WgpuAccelerator {
 
 impl<'a> Batch<'a> {
     /// The crossings of a few rays, which begin at `first` of a run.
-    fn cross(
+    pub(super) fn cross(
         &self,
         rays: &[Ray],
         first: usize,

@@ -7,6 +7,7 @@ use splitplane_core::error::QueryError;
 use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
 use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions};
 use splitplane_core::query::inside::{LocateOptions, Located};
+use splitplane_core::query::overlap::{OverlapOptions, Overlaps, Volume};
 use splitplane_core::query::traverse;
 use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray, Undecided};
@@ -247,7 +248,18 @@ impl Accelerator for WgpuAccelerator {
         self.find_all_hits(rays, options)
     }
 
-    /// As all hits: the device lists the triangles, and the host decides.
+    /// The device counts the crossings of which it is certain. The other rays are asked for all hits.
+    fn count_hits(
+        &self,
+        rays: &[Ray],
+        counts: &mut [u32],
+        options: &AllHitsOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.find_counts(rays, counts, options)
+    }
+
+    /// The device counts windings where it is certain of all crossings. Of the other points it lists the triangles, and the
+    /// host decides.
     fn locate(
         &self,
         points: &[[f32; 3]],
@@ -264,6 +276,23 @@ impl Accelerator for WgpuAccelerator {
         options: &ClosestPointOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
         self.find_closest_points(points, closest, options)
+    }
+
+    fn overlaps(
+        &self,
+        volumes: &[Volume<'_>],
+        options: &OverlapOptions<'_>,
+    ) -> Result<Overlaps, QueryError> {
+        self.find_overlaps(volumes, options)
+    }
+
+    fn overlaps_any(
+        &self,
+        volumes: &[Volume<'_>],
+        found: &mut [bool],
+        options: &OverlapOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.find_any_overlaps(volumes, found, options)
     }
 
     fn as_any_mut(&mut self) -> Option<&mut dyn Any> {

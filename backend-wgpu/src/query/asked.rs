@@ -17,6 +17,11 @@ pub(super) enum Asked {
         /// Words of a list; at least 1.
         room: u32,
     },
+    /// How many surfaces a ray crosses for certain.
+    Count {
+        /// How many of them are known at most.
+        room: u32,
+    },
 }
 
 impl Asked {
@@ -26,6 +31,7 @@ impl Asked {
             Asked::Hit(query) if compressed => QueryKernel::of_compressed(query),
             Asked::Hit(query) => QueryKernel::of(query),
             Asked::List { .. } => QueryKernel::LISTING,
+            Asked::Count { .. } => QueryKernel::COUNTING,
         }
     }
 
@@ -34,7 +40,7 @@ impl Asked {
         match self {
             Asked::Hit(_) => test_of(options),
             // They have one of their own.
-            Asked::List { .. } => TriangleTest::default(),
+            Asked::List { .. } | Asked::Count { .. } => TriangleTest::default(),
         }
     }
 
@@ -43,6 +49,15 @@ impl Asked {
         match self {
             Asked::Hit(query) => QueryKernel::result_bytes(query),
             Asked::List { room } => 4 * u64::from(room),
+            Asked::Count { .. } => 4,
+        }
+    }
+
+    /// Bytes that the kernels need for a ray besides.
+    pub(super) fn scratch_bytes(self) -> u64 {
+        match self {
+            Asked::Hit(_) | Asked::List { .. } => 0,
+            Asked::Count { room } => 4 * u64::from(room),
         }
     }
 
@@ -50,7 +65,7 @@ impl Asked {
     pub(super) fn room(self) -> u32 {
         match self {
             Asked::Hit(_) => 0,
-            Asked::List { room } => room,
+            Asked::List { room } | Asked::Count { room } => room,
         }
     }
 }

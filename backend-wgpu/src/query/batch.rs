@@ -64,7 +64,7 @@ impl Queries {
 
     /// Most rays of a slice under the limits of the device.
     fn slice_limit(&self, asked: Asked) -> u32 {
-        (self.buffer_limit() / asked.result_bytes().max(RAY_BYTES))
+        (self.buffer_limit() / asked.result_bytes().max(asked.scratch_bytes()).max(RAY_BYTES))
             .clamp(1, u64::from(SliceRays::MOST)) as u32
     }
 
@@ -126,7 +126,7 @@ impl Queries {
     ) -> Result<Staging, GpuError> {
         checked(self.gpu(), "the upload of rays", || {
             let count = rays.len() as u32;
-            let set = self.staging.take(self.gpu(), count, most, asked.result_bytes())?;
+            let set = self.staging.take(self.gpu(), count, most, asked)?;
             let queue = self.gpu().queue();
             let room = asked.room();
             let batch = BatchUniform { room, ..BatchUniform::new(count, options) };
@@ -150,6 +150,7 @@ impl Queries {
             let buffers = QueryBuffers {
                 rays: &set.rays,
                 results: &set.results,
+                scratch: set.scratch.as_ref(),
                 batch: &set.batch,
                 deferred: &set.deferred,
             };

@@ -35,14 +35,10 @@ impl DeviceTree {
         if self.scene_scale().wide {
             return Ok(());
         }
+        self.names_references()?;
         let (gpu, what) = (queries.gpu(), "the references of compressed nodes");
         let made = CompressedNodes::new(tree, triangles, self.scene_scale());
-        let Some(made) = made else {
-            let limit = "references of compressed nodes";
-            let needed = tree.references.len() as u64;
-            let allowed = u64::from(CompressedNodes::MOST_REFERENCES);
-            return Err(GpuError::Limit { what: what.into(), limit, needed, allowed });
-        };
+        let made = made.ok_or_else(|| GpuError::Refused(what.into()))?;
         let filled = |what: &str, bytes: &[u8]| {
             can_be_bound(gpu, what, bytes.len() as u64)?;
             let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;

@@ -136,6 +136,17 @@ fn next_run(words: &[u32], first: usize, most: usize, long: &mut Vec<usize>) -> 
     (rays, room)
 }
 
+/// How many things of this many bytes fit the part of the memory that lists of a slice may take.
+fn part(held: &Held, bytes: usize, least: usize, most: usize) -> usize {
+    let part = held.max_memory().map_or(u64::MAX, |most| most / PART);
+    usize::try_from(part).unwrap_or(usize::MAX).div_ceil(bytes).clamp(least, most)
+}
+
+/// Rays of a slice with this many bytes for each.
+pub(super) fn slice_of(held: &Held, bytes: usize) -> usize {
+    part(held, bytes, LEAST_SLICE, SLICE)
+}
+
 impl HostScene<'_> {
     /// Hands the triangles that a ray may meet to a test, as often as they are listed: those that a device found, or all
     /// on the way of the ray where it told nothing.
@@ -175,14 +186,10 @@ impl WgpuAccelerator {
         held: &Held,
         mut settle: impl FnMut(usize, &[Ray], &Lists<'_>) -> Result<(), QueryError>,
     ) -> Result<QueryReport, QueryError> {
-        let part = |bytes: usize, least: usize, most: usize| {
-            let part = held.max_memory().map_or(u64::MAX, |most| most / PART);
-            usize::try_from(part).unwrap_or(usize::MAX).div_ceil(bytes).clamp(least, most)
-        };
-        let slice = part(4 * ROOM, LEAST_SLICE, SLICE);
-        let most = part(4, LEAST_WORDS, MOST_WORDS.min(self.queries.buffer_limit() as usize / 4));
-        let in_range = !self.device.scene_scale().wide || self.device.bounds().is_empty();
-        let asks = self.queries.is_certain() && in_range;
+        let slice = slice_of(held, 4 * ROOM);
+        let most =
+            part(held, 4, LEAST_WORDS, MOST_WORDS.min(self.queries.buffer_limit() as usize / 4));
+        let asks = self.can_be_certain();
         let mut report = QueryReport::default();
         let mut lists = held.share();
         let mut first = 0;
@@ -221,6 +228,12 @@ impl WgpuAccelerator {
             first += rays.len();
         }
         Ok(report)
+    }
+
+    /// Whether the device can be certain of anything that a ray meets.
+    pub(super) fn can_be_certain(&self) -> bool {
+        let in_range = !self.device.scene_scale().wide || self.device.bounds().is_empty();
+        self.queries.is_certain() && in_range
     }
 
     /// What the device lists for rays, with this many words for each.

@@ -12,11 +12,14 @@ mod asked;
 mod batch;
 mod closest_points;
 mod compressed;
+mod compressing;
+mod counts;
 mod error;
 mod held;
 mod layout;
 pub(crate) mod limits;
 mod lists;
+mod overlaps;
 mod pipelines;
 mod record;
 mod resident;
@@ -29,6 +32,8 @@ mod windings;
 
 pub use accelerator::WgpuAccelerator;
 pub use batch::Marked;
+#[doc(hidden)]
+pub use compressing::{CompressExecutor, Compressing};
 pub use error::DeviceQueryError;
 pub use layout::UNFINISHED;
 pub use pipelines::Queries;

@@ -24,6 +24,8 @@ use crate::error::GpuError;
 pub(super) struct QueryBuffers<'a> {
     pub(super) rays: &'a wgpu::Buffer,
     pub(super) results: &'a wgpu::Buffer,
+    /// Of at least [`Asked::scratch_bytes`] for each ray, where there are any.
+    pub(super) scratch: Option<&'a wgpu::Buffer>,
     pub(super) batch: &'a wgpu::Buffer,
     /// Of at least [`QueryKernel::deferred_bytes`]; what it holds does not matter.
     pub(super) deferred: &'a wgpu::Buffer,
@@ -97,7 +99,8 @@ impl Queries {
         let uniform = BatchUniform::new(count, options);
         self.gpu().queue().write_buffer(&batch, 0, bytemuck::bytes_of(&uniform));
         let deferred = self.deferred_list(count)?;
-        let buffers = QueryBuffers { rays, results, batch: &batch, deferred: &deferred };
+        let buffers =
+            QueryBuffers { rays, results, scratch: None, batch: &batch, deferred: &deferred };
         self.dispatch(encoder, tree, &buffers, count, options, Asked::Hit(query))?;
         Ok(())
     }
@@ -152,9 +155,13 @@ impl Queries {
                 QueryBuffer::LeafReferences => Some(whole(tree.leaf_references())),
                 QueryBuffer::Triangles => Some(triangles_of(bound, &variant, tree.triangles())),
                 QueryBuffer::Rays => Some(part(buffers.rays, RAY_BYTES)),
-                QueryBuffer::Hits | QueryBuffer::Occluded | QueryBuffer::Listed => {
-                    Some(part(buffers.results, asked.result_bytes()))
+                QueryBuffer::Listed if asked.scratch_bytes() > 0 => {
+                    buffers.scratch.map(|scratch| part(scratch, asked.scratch_bytes()))
                 }
+                QueryBuffer::Hits
+                | QueryBuffer::Occluded
+                | QueryBuffer::Listed
+                | QueryBuffer::Counted => Some(part(buffers.results, asked.result_bytes())),
                 QueryBuffer::Deferred => Some(wgpu::BufferBinding {
                     buffer: buffers.deferred,
                     offset: 0,

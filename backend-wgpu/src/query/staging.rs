@@ -6,6 +6,7 @@ use splitplane_core::kernel::QueryKernel;
 use splitplane_core::layout::BatchUniform;
 use splitplane_core::ray::Hit;
 
+use super::asked::Asked;
 use super::layout::{DEFERRED_USAGE, RAY_BYTES};
 use crate::device::gpu::Gpu;
 use crate::error::GpuError;
@@ -25,6 +26,8 @@ pub(super) struct Staging {
     pub(super) results: wgpu::Buffer,
     pub(super) readback: wgpu::Buffer,
     pub(super) deferred: wgpu::Buffer,
+    /// What kernels need besides, where they need anything.
+    pub(super) scratch: Option<wgpu::Buffer>,
 }
 
 /// The sets that no batch is using.
@@ -32,20 +35,25 @@ pub(super) struct Staging {
 pub(super) struct StagingPool(Mutex<Vec<Staging>>);
 
 impl StagingPool {
-    /// A set with capacity for `rays` rays, with results of `each` bytes: a kept one, else a new one with up to twice
+    /// A set with capacity for `rays` rays and what is asked of them: a kept one, else a new one with up to twice
     /// that capacity, but at most `most`.
     pub(super) fn take(
         &self,
         gpu: &Gpu,
         rays: u32,
         most: u32,
-        each: u64,
+        asked: Asked,
     ) -> Result<Staging, GpuError> {
+        let (each, scratch_each) = (asked.result_bytes(), asked.scratch_bytes());
         // A poisoned lock means that another thread panicked between two statements that cannot
         // leave the list inconsistent.
         let mut kept = self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-        let suits =
-            |set: &Staging| set.capacity >= rays && set.results.size() >= u64::from(rays) * each;
+        let suits = |set: &Staging| {
+            let scratch = set.scratch.as_ref().map_or(0, wgpu::Buffer::size);
+            set.capacity >= rays
+                && set.results.size() >= u64::from(rays) * each
+                && scratch >= u64::from(rays) * scratch_each
+        };
         let place = (0..kept.len())
             .filter(|&place| suits(&kept[place]))
             .min_by_key(|&place| kept[place].capacity);
@@ -77,6 +85,10 @@ impl StagingPool {
                 QueryKernel::deferred_bytes(capacity),
                 DEFERRED_USAGE,
             )?,
+            scratch: match scratch_each {
+                0 => None,
+                each => Some(gpu.buffer("scratch of rays", bytes(each), Usage::STORAGE)?),
+            },
         })
     }
 

@@ -20,6 +20,9 @@ pub(crate) fn answers(
 ) -> (Vec<u8>, u32) {
     let gpu = super::common::gpu();
     let (given, results) = (storage(size_of_val(rays)), storage(each * rays.len()));
+    // Kernels that count have their lists besides.
+    let counts = sources[0].contains("@binding(8)");
+    let lists = counts.then(|| storage(4 * room as usize * rays.len()));
     gpu.queue().write_buffer(&given, 0, bytemuck::cast_slice(rays));
     let deferred = storage(4 * (rays.len() + 1));
     gpu.queue().write_buffer(&deferred, 0, &[0; 4]);
@@ -28,7 +31,10 @@ pub(crate) fn answers(
     let words = [rays.len() as u32, 0, u32::MAX, room];
     gpu.queue().write_buffer(&batch, 0, bytemuck::cast_slice(&words));
     let mut entries = tree.bind_group_entries(0).to_vec();
-    for (binding, buffer) in [(4, &given), (5, &results), (6, &batch), (7, &deferred)] {
+    let fifth = lists.as_ref().unwrap_or(&results);
+    let eighth = counts.then_some((8, &results));
+    let bound = [(4, &given), (5, fifth), (6, &batch), (7, &deferred)];
+    for (binding, buffer) in bound.into_iter().chain(eighth) {
         let resource = buffer.as_entire_binding();
         entries.push(wgpu::BindGroupEntry { binding, resource });
     }
@@ -37,7 +43,9 @@ pub(crate) fn answers(
         // Stated, since a fault may leave a binding unused.
         let stages = wgpu::ShaderStages::COMPUTE;
         let mut slots = DeviceTree::bind_group_layout_entries(0, stages).to_vec();
-        for (binding, read_only) in [(4, true), (5, false), (7, retries)] {
+        let eighth = counts.then_some((8, false));
+        for (binding, read_only) in [(4, true), (5, false), (7, retries)].into_iter().chain(eighth)
+        {
             slots.push(wgpu::BindGroupLayoutEntry { binding, ..slots[0] });
             let slot = slots.last_mut().expect("pushed");
             slot.ty = wgpu::BindingType::Buffer {

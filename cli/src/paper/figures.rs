@@ -35,10 +35,11 @@ impl Arguments {
         let (first, tree) = (&placed[0], &trees[0]);
         let count = || areas::count(&tree.view(), &CpuBackend::new(), boxes, lines);
         let areas = pool(settings.threads)?.install(count)?;
+        figures.point_trees()?;
         figures.tree(placed, &trees)?;
         let objects = figures.objects(placed, &trees)?;
         figures.areas(&first.scene.name, &areas)?;
-        progress.step("figures 4 to 9");
+        progress.step("figures 3 to 9");
         figures.cut(placed, &trees)?;
         progress.step("figure 10");
         for (letter, placed) in ('a'..='z').zip(placed) {

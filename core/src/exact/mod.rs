@@ -13,6 +13,10 @@ pub(crate) mod cell;
 mod doubled;
 mod integer;
 mod meeting;
+#[cfg(feature = "alloc")]
+mod number;
+#[cfg(feature = "alloc")]
+pub mod overlap;
 mod perturbed;
 
 pub use meeting::{Meeting, meet};

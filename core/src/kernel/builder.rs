@@ -169,13 +169,11 @@ kernel_set! {
 }
 
 /// Nodes of a subtree that devices keep for `emit_small`; larger ones are built again.
-pub const SUBTREE_NODES: u32 = 24;
-/// References of such a subtree.
-pub const SUBTREE_REFERENCES: u32 = 80;
-/// Words of a subtree that is kept: two per node, then one per reference.
-pub const SUBTREE_WORDS: u32 = 128;
+pub const SUBTREE_NODES: u32 = 42;
+/// Words of a subtree that is kept: three per node.
+pub const SUBTREE_WORDS: u32 = 126;
 
-const _: () = assert!(SUBTREE_WORDS == 2 * SUBTREE_NODES + SUBTREE_REFERENCES);
+const _: () = assert!(SUBTREE_WORDS == 3 * SUBTREE_NODES);
 
 /// What kernels count, and where in [`Counters::words`].
 #[repr(u32)]

@@ -38,9 +38,12 @@ kernel_set! {
         Hits "hits", size_of::<Hit>(), live Rays;
         /// Whether each of them hits anything: a word.
         Occluded "occluded", 4, live Rays;
-        /// The triangles that each of them may meet: [`BatchUniform::room`](crate::layout::BatchUniform::room) words
-        /// a ray.
+        /// The triangles that each of them may meet, or that were counted:
+        /// [`BatchUniform::room`](crate::layout::BatchUniform::room) words a ray.
         Listed "listed", 4;
+        /// How many surfaces each of them crosses for certain: from the front in the lower half of a word, from the back in
+        /// the upper half; or a mark.
+        Counted "counted", 4, live Rays;
         /// The rays that a lean kernel leaves to another: their number, then their indices.
         Deferred "deferred_rays", 4;
         /// The nodes of a tree's wide form: [`CompressedNode`](crate::query::compressed::CompressedNode).
@@ -57,7 +60,7 @@ kernel_set! {
         /// ray, of all rays one after the other. The instance that it has entered, or `u32::MAX`; one more than the number
         /// of its stack's entries, 0 for a ray that has not begun, `u32::MAX` for one that is done; the entries.
         Ways "ways", 4;
-        /// Instances entered by all rays, and rays that are done.
+        /// Instances entered by all rays since the host set this to zero, and rays that are done.
         WaveCounts "wave_counts", 4;
         /// The range of coordinates and sizes of all triangles: four `f32`, see
         /// [`query::intersect::Limits`](crate::query::intersect::Limits).
@@ -91,6 +94,14 @@ kernel_set! {
         ListTrianglesRetry "list_triangles_retry", Invocations(Rays, 64) =>
             reads Nodes, reads LeafReferences, reads Triangles, uniform Scene,
             reads Rays, scatters Listed, uniform Batch, reads Deferred;
+        /// How many surfaces every ray of the plain case crosses.
+        CountCrossings "count_crossings", Invocations(Rays, 64) =>
+            reads Nodes, reads LeafReferences, reads Triangles, uniform Scene,
+            reads Rays, updates Listed, uniform Batch, updates Deferred, writes Counted;
+        /// How many surfaces every ray that the kernel before deferred crosses.
+        CountCrossingsRetry "count_crossings_retry", Invocations(Rays, 64) =>
+            reads Nodes, reads LeafReferences, reads Triangles, uniform Scene,
+            reads Rays, updates Listed, uniform Batch, reads Deferred, scatters Counted;
         /// As `closest_hit`, through compressed nodes.
         ClosestHitCompressed "closest_hit_compressed", Invocations(Rays, 64) =>
             reads CompressedNodes, reads CompressedReferences, reads Triangles, uniform Scene,
@@ -131,6 +142,10 @@ impl QueryKernel {
     /// The kernels that list the triangles which rays may meet, likewise.
     pub const LISTING: [QueryKernel; 2] =
         [QueryKernel::ListTriangles, QueryKernel::ListTrianglesRetry];
+
+    /// The kernels that count crossings, likewise.
+    pub const COUNTING: [QueryKernel; 2] =
+        [QueryKernel::CountCrossings, QueryKernel::CountCrossingsRetry];
 
     /// The same for a tree that has compressed nodes. What is deferred goes through the tree itself.
     pub const fn of_compressed(query: Query) -> [QueryKernel; 2] {

@@ -53,7 +53,7 @@ pub struct BatchUniform {
     pub culling: u32,
     /// The index of a triangle to ignore; `u32::MAX`, which no triangle has, for none.
     pub ignore: u32,
-    /// Words of a ray's list, where triangles are listed; 0 for other queries.
+    /// Words of a ray's list, where triangles are listed or counted; 0 for other queries.
     pub room: u32,
 }
 

@@ -92,6 +92,12 @@ impl Unit {
         point.map(|x| self.scaled::<A>(x))
     }
 
+    /// A coordinate of units as one of the caller's, without error.
+    #[inline]
+    pub fn of_units(self, x: f32) -> f64 {
+        f64::from(x) * f64::from(power_of_two(self.exponent))
+    }
+
     /// A squared distance in units as one of the caller's, without error.
     #[inline]
     pub fn unscaled(self, squared: f32) -> f64 {

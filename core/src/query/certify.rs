@@ -9,10 +9,13 @@
 //! [`exact`](crate::exact) finds; the others are left to the CPU. The bounds are derived in
 //! docs/design/exact.md.
 //!
-//! [`list`] finds the triangles that a ray may cross, for all hits and for points in a mesh; the CPU decides the rest.
+//! [`list`] finds the triangles that a ray may cross, for all hits; [`count`] those that it crosses for certain, for how many there
+//! are and for points in a mesh. The CPU decides the rest.
 //!
-//! Generic over [`Arithmetic`]: a twin of the shaders' `screen.wgsl`, `certain.wgsl`, `certain_search.wgsl` and `list_search.wgsl`.
+//! Generic over [`Arithmetic`]: a twin of the shaders' `screen.wgsl`, `certain.wgsl`, `certain_search.wgsl`, `list_search.wgsl` and
+//! `count_search.wgsl`.
 
+mod counting;
 mod listing;
 mod record;
 mod screen;
@@ -28,6 +31,7 @@ use crate::ray::{Culling, Hit, QueryOptions, Ray};
 use crate::tree::KdTreeView;
 use crate::triangle::Triangle;
 
+pub use counting::{Counted, MOST_COUNTED, count};
 pub use listing::list;
 pub use record::record;
 use screen::{Screened, is_as_given, screen};
@@ -173,8 +177,42 @@ fn decide<A: Arithmetic>(
     margin: f32,
     nearest: f32,
 ) -> Verdict {
-    let direction = ray.direction.map(Double::from_float);
-    let [a, b, c] = triangle;
+    let signs = signs_of_edges::<A>(ray, triangle, flat, &mut edges, margin);
+    let Signs { positive, negative, open } = signs;
+    let some = positive || negative || open;
+    if (positive && negative) || signs.is_culled(culling) || !some {
+        return Verdict::Not;
+    }
+    distance_of::<A>(ray, triangle, farthest, edges, nearest, open)
+}
+
+/// Of which signs edge functions are for certain, and whether one is neither positive nor negative for certain, nor zero.
+#[derive(Clone, Copy, Debug)]
+struct Signs {
+    positive: bool,
+    negative: bool,
+    open: bool,
+}
+
+impl Signs {
+    /// Whether the side that the ray comes from does not count.
+    fn is_culled(&self, culling: Culling) -> bool {
+        match culling {
+            Culling::None => false,
+            Culling::Back => self.negative,
+            Culling::Front => self.positive,
+        }
+    }
+}
+
+/// The signs of the edge functions, which become what is known of them.
+fn signs_of_edges<A: Arithmetic>(
+    ray: &PreparedRay,
+    triangle: &Triangle,
+    flat: &[[f32; 2]; 3],
+    edges: &mut [f32; 3],
+    margin: f32,
+) -> Signs {
     let widths = flat.map(|[x, y]| max(x.abs(), y.abs()));
     let (mut positive, mut negative, mut open) = (false, false, false);
     for (weight, [p, q]) in edges.iter_mut().zip([[2, 1], [0, 2], [1, 0]]) {
@@ -185,15 +223,20 @@ fn decide<A: Arithmetic>(
         open |= error != 0.0 && value.abs() <= error;
         *weight = value;
     }
-    let culled = match culling {
-        Culling::None => false,
-        Culling::Back => negative,
-        Culling::Front => positive,
-    };
-    let some = positive || negative || open;
-    if (positive && negative) || culled || !some {
-        return Verdict::Not;
-    }
+    Signs { positive, negative, open }
+}
+
+/// The verdict on a triangle whose edges may enclose the ray, by the distance; `open` where it is in doubt whether they do.
+fn distance_of<A: Arithmetic>(
+    ray: &PreparedRay,
+    triangle: &Triangle,
+    farthest: f32,
+    edges: [f32; 3],
+    nearest: f32,
+    open: bool,
+) -> Verdict {
+    let direction = ray.direction.map(Double::from_float);
+    let [a, b, c] = triangle;
     let normal = cross::<A>(&minus::<A>(b, a), &minus::<A>(c, a));
     let denominator = dot::<A>(&normal, &direction);
     if denominator.error == 0.0 {

@@ -16,11 +16,14 @@ mod encode;
 mod greedy;
 mod make;
 mod plan;
+mod reference;
 mod walk;
 
 use alloc::vec::Vec;
 
 pub use encode::CompressedChild;
+pub use greedy::{compress, most_nodes, root};
+pub use reference::Reference;
 
 use bytemuck::{Pod, Zeroable};
 

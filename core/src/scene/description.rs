@@ -288,6 +288,23 @@ impl Scene {
         Ok(())
     }
 
+    /// Makes a geometry the same as one of another description, of any kind: both share its arrays, so what was built over them for the one
+    /// is known to be built for the other. Opacity masks are shared too. Instances stay.
+    ///
+    /// # Errors
+    /// No such geometry, here or there.
+    pub fn share_geometry(
+        &mut self,
+        geometry: GeometryId,
+        from: &Scene,
+        there: GeometryId,
+    ) -> Result<(), SceneError> {
+        let (mesh, opacity) = (from.geometry(there)?.clone(), from.opacity(there)?.cloned());
+        let own = self.geometry_mut(geometry)?;
+        (own.mesh, own.opacity) = (mesh, opacity);
+        Ok(())
+    }
+
     /// Says which parts of a geometry's triangles count for rays; `None`: all do. Nothing is built for it. Points inside and closest
     /// points are those of the whole mesh.
     ///

@@ -22,6 +22,7 @@ mod placement;
 pub mod shape;
 mod shape_tree;
 mod top_build;
+mod top_meet;
 mod top_near;
 mod top_refit;
 mod top_tree;

@@ -15,6 +15,8 @@ const CELLS: usize = 8;
 pub struct Outline {
     middle: [[f64; CELLS]; 3],
     half: [[f64; CELLS]; 3],
+    /// By axis, how far from 0 one of them reaches.
+    reach: [f64; 3],
 }
 
 /// A node with its cell.
@@ -64,7 +66,8 @@ impl Outline {
             }
         }
         let first = cells[0].map_or(tree.bounds, |cell| cell.bounds);
-        let mut outline = Outline { middle: [[0.0; CELLS]; 3], half: [[0.0; CELLS]; 3] };
+        let mut outline =
+            Outline { middle: [[0.0; CELLS]; 3], half: [[0.0; CELLS]; 3], reach: [0.0; 3] };
         for place in 0..CELLS {
             let own = cells[..count].get(place).copied().flatten();
             let own = own.map_or(first, |cell| cell.bounds);
@@ -72,6 +75,7 @@ impl Outline {
                 let (lo, hi) = (f64::from(own.lo[axis]), f64::from(own.hi[axis]));
                 outline.middle[axis][place] = 0.5 * (lo + hi);
                 outline.half[axis][place] = 0.5 * (hi - lo);
+                outline.reach[axis] = outline.reach[axis].max(lo.abs()).max(hi.abs());
             }
         }
         Some(outline)
@@ -85,21 +89,33 @@ impl Outline {
             let (mut lo, mut hi) = ([0.0; CELLS], [0.0; CELLS]);
             let [x, y, z] = &self.middle;
             let [p, q, r] = &self.half;
+            let [u, v, w] = [a.abs(), b.abs(), c.abs()];
             for place in 0..CELLS {
                 let middle = ((a * x[place] + b * y[place]) + c * z[place]) + d;
-                let half = (a.abs() * p[place] + b.abs() * q[place]) + c.abs() * r[place];
-                let sizes = (a.abs() * x[place].abs() + b.abs() * y[place].abs())
-                    + (c.abs() * z[place].abs() + d.abs());
-                // Roundings of middles, halves and sums, each of a part of these.
-                let slack = (sizes + half) * (2.0 * SUM_ERROR);
-                lo[place] = middle - half - slack;
-                hi[place] = middle + half + slack;
+                let half = (u * p[place] + v * q[place]) + w * r[place];
+                (lo[place], hi[place]) = (middle - half, middle + half);
             }
-            ends[0][row] = lo.into_iter().fold(f64::INFINITY, f64::min);
-            ends[1][row] = hi.into_iter().fold(f64::NEG_INFINITY, f64::max);
+            // Roundings of middles, halves and sums, each of a part of this.
+            let sizes = (u * self.reach[0] + v * self.reach[1]) + (w * self.reach[2] + d.abs());
+            let slack = sizes * (4.0 * SUM_ERROR);
+            ends[0][row] = least(lo) - slack;
+            ends[1][row] = -least(hi.map(|x| -x)) + slack;
         }
         ends
     }
+}
+
+/// The least number. By halves, so that it is found by vectors.
+fn least(mut numbers: [f64; CELLS]) -> f64 {
+    let mut left = CELLS / 2;
+    while left > 0 {
+        let (first, second) = numbers.split_at_mut(left);
+        for (one, other) in first.iter_mut().zip(second) {
+            *one = if *other < *one { *other } else { *one };
+        }
+        left /= 2;
+    }
+    numbers[0]
 }
 
 /// Half the area.

@@ -7,7 +7,7 @@ use super::shape::{SHAPE_SLACK, ShapeRay, Shapes};
 use crate::aabb::Aabb;
 use crate::arithmetic::Strict;
 use crate::error::BuildError;
-use crate::query::traverse::Query;
+use crate::query::traverse::{Observer, Query};
 use crate::ray::{Culling, Hit, QueryOptions, Ray};
 use crate::scene::description::GeometryMesh;
 use crate::scene::hit::MAX_INSTANCES;
@@ -100,11 +100,25 @@ impl ShapeTree {
         ray: &Ray,
         options: &QueryOptions<'_>,
         query: Query,
+        keep: impl FnMut(&Hit) -> bool,
+    ) -> Hit {
+        self.trace_observed(ray, options, query, &mut (), keep)
+    }
+
+    /// The same; the observer counts primitives as triangles, and no nodes.
+    #[inline]
+    pub fn trace_observed<O: Observer>(
+        &self,
+        ray: &Ray,
+        options: &QueryOptions<'_>,
+        query: Query,
+        observer: &mut O,
         mut keep: impl FnMut(&Hit) -> bool,
     ) -> Hit {
         let mut best = Hit::MISS;
         let shapes = self.shapes();
         self.enter(ray, |ready, primitive| {
+            observer.triangle();
             if options.ignore != Some(primitive) {
                 shapes.intersect(primitive, ray, ready, |hit, front| {
                     if !is_culled(options.culling, front) && hit.precedes(&best) && keep(&hit) {

@@ -33,7 +33,7 @@ impl ObjectSpace {
     /// The space of a transform; `None` where it has no inverse that is finite in `f32` and, times the transform, within 1/8
     /// of the identity.
     pub fn new(transform: &Transform) -> Option<ObjectSpace> {
-        let a = transform.map(|row| row.map(f64::from));
+        let a = in_f64(transform);
         // Products of two `f32` are exact in `f64`; those of three neither overflow nor underflow.
         let minor = |r: [usize; 2], c: [usize; 2]| {
             a[r[0]][c[0]] * a[r[1]][c[1]] - a[r[0]][c[1]] * a[r[1]][c[0]]
@@ -41,16 +41,25 @@ impl ObjectSpace {
         // Cofactor of row r and column c: rows and columns in cyclic order have its sign in them.
         let cofactor =
             |r: usize, c: usize| minor([(r + 1) % 3, (r + 2) % 3], [(c + 1) % 3, (c + 2) % 3]);
-        let first = [cofactor(0, 0), cofactor(0, 1), cofactor(0, 2)];
+        let mut cofactors = [[0.0; 3]; 3];
+        for (r, row) in cofactors.iter_mut().enumerate() {
+            for (c, own) in row.iter_mut().enumerate() {
+                *own = cofactor(r, c);
+            }
+        }
+        let first = cofactors[0];
         let determinant = (a[0][0] * first[0] + a[0][1] * first[1]) + a[0][2] * first[2];
         if determinant == 0.0 || !determinant.is_finite() {
             return None;
         }
         let mut inverse = [[0.0f32; 4]; 3];
         for row in 0..3 {
-            let m = [0, 1, 2].map(|column| cofactor(column, row) / determinant);
-            let moved = -((m[0] * a[0][3] + m[1] * a[1][3]) + m[2] * a[2][3]);
-            for (to, from) in inverse[row].iter_mut().zip([m[0], m[1], m[2], moved]) {
+            let mut m = [0.0; 4];
+            for column in 0..3 {
+                m[column] = cofactors[column][row] / determinant;
+            }
+            m[3] = -((m[0] * a[0][3] + m[1] * a[1][3]) + m[2] * a[2][3]);
+            for (to, from) in inverse[row].iter_mut().zip(m) {
                 *to = snap(from as f32);
                 if !to.is_finite() {
                     return None;
@@ -65,23 +74,18 @@ impl ObjectSpace {
     /// How far transform times inverse is from the identity: bounds on the magnitude of each component, and in the last
     /// column of where the object's origin comes back to.
     pub(crate) fn defect(&self, transform: &Transform) -> [[f64; 4]; 3] {
-        let a = transform.map(|row| row.map(f64::from));
-        let m = self.inverse.map(|row| row.map(f64::from));
+        let (a, m) = (in_f64(transform), in_f64(&self.inverse));
         let mut off = [[0.0; 4]; 3];
-        for row in 0..3 {
+        for (row, off) in off.iter_mut().enumerate() {
+            let [x, y, z, w] = a[row];
+            let mut own = [0.0, 0.0, 0.0, w];
+            own[row] = -1.0;
             for column in 0..4 {
-                let parts = [0, 1, 2].map(|k| a[row][k] * m[k][column]);
-                let own = if column == 3 {
-                    a[row][3]
-                } else if column == row {
-                    -1.0
-                } else {
-                    0.0
-                };
-                let sum = ((parts[0] + parts[1]) + parts[2]) + own;
+                let (p, q, r) = (x * m[0][column], y * m[1][column], z * m[2][column]);
+                let sum = ((p + q) + r) + own[column];
                 // Three sums, each off by less than 2^-53 of at most the sum of magnitudes.
-                let magnitude = ((parts[0].abs() + parts[1].abs()) + parts[2].abs()) + own.abs();
-                off[row][column] = sum.abs() + magnitude * SUM_ERROR;
+                let magnitude = ((p.abs() + q.abs()) + r.abs()) + own[column].abs();
+                off[column] = sum.abs() + magnitude * SUM_ERROR;
             }
         }
         off
@@ -129,6 +133,17 @@ impl ObjectSpace {
     }
 }
 
+/// The same numbers. By loops, since closures over arrays are not compiled into who calls this.
+pub(super) fn in_f64(rows: &Transform) -> [[f64; 4]; 3] {
+    let mut wide = [[0.0; 4]; 3];
+    for (wide, row) in wide.iter_mut().zip(rows) {
+        for (wide, number) in wide.iter_mut().zip(row) {
+            *wide = f64::from(*number);
+        }
+    }
+    wide
+}
+
 /// Bounds on the relative error of a sum of four in `f64`, with room to spare.
 pub(super) const SUM_ERROR: f64 = 1.0 / (1u64 << 50) as f64;
 
@@ -141,9 +156,10 @@ pub(crate) fn transformed(transform: &Transform, bounds: &Aabb) -> [[f64; 3]; 2]
         for axis in 0..3 {
             let a = f64::from(transform[row][axis]);
             let (from, to) = (a * f64::from(bounds.lo[axis]), a * f64::from(bounds.hi[axis]));
-            lo += from.min(to);
-            hi += from.max(to);
-            magnitude += from.abs().max(to.abs());
+            let is_ascending = from < to;
+            lo += if is_ascending { from } else { to };
+            hi += if is_ascending { to } else { from };
+            magnitude += if from.abs() < to.abs() { to.abs() } else { from.abs() };
         }
         ends[0][row] = lo - magnitude * SUM_ERROR;
         ends[1][row] = hi + magnitude * SUM_ERROR;

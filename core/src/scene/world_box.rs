@@ -2,7 +2,7 @@
 
 use super::outline::Outline;
 use super::shape::SHAPE_SLACK;
-use super::transform::{ObjectSpace, SUM_ERROR, Transform, transformed};
+use super::transform::{ObjectSpace, SUM_ERROR, Transform, in_f64, transformed};
 use crate::aabb::Aabb;
 
 /// `u`: the relative error of one rounding of an `f32`.
@@ -96,18 +96,21 @@ impl WorldBox {
         outline: Option<&Outline>,
         errs: Errs,
     ) -> Option<WorldBox> {
-        let a = transform.map(|row| row.map(|x| f64::from(x).abs()));
-        let m = space.inverse.map(|row| row.map(|x| f64::from(x).abs()));
+        let (a, m) = (magnitudes(transform), magnitudes(&space.inverse));
         let ends = transformed(transform, bounds);
-        let greatest = |lo: f64, hi: f64| lo.abs().max(hi.abs());
-        let own = [0, 1, 2].map(|k| greatest(bounds.lo[k].into(), bounds.hi[k].into()));
-        let world = [0, 1, 2].map(|k| greatest(ends[0][k], ends[1][k]));
-        let extent = [0, 1, 2]
-            .map(|k| f64::from(bounds.hi[k]) - f64::from(bounds.lo[k]))
-            .into_iter()
-            .fold(0.0, f64::max);
+        let (mut own, mut world, mut extent) = ([0.0; 3], [0.0; 3], 0.0);
+        for k in 0..3 {
+            let (lo, hi) = (f64::from(bounds.lo[k]), f64::from(bounds.hi[k]));
+            own[k] = max(lo.abs(), hi.abs());
+            world[k] = max(ends[0][k].abs(), ends[1][k].abs());
+            extent = max(extent, hi - lo);
+        }
         let linear = |rows: &[[f64; 4]; 3]| {
-            rows.iter().flat_map(|row| &row[..3]).fold(0.0, |m: f64, &x| m.max(x))
+            let mut greatest = 0.0;
+            for [x, y, z, _] in rows {
+                greatest = max(greatest, max(max(*x, *y), *z));
+            }
+            greatest
         };
         let tame = |x: f64| (1.0 / POWER_MOST..=POWER_MOST).contains(&x);
         let near = |points: [f64; 3]| points.iter().all(|&x| x <= POWER_MOST);
@@ -122,39 +125,59 @@ impl WorldBox {
             Some(outline) if turns => outline.transformed(transform),
             _ => ends,
         };
-        // Of each axis of the object's space: a row of |M|, how far the world's origin is, and the geometry's greatest coordinate.
-        let mut norms = [0, 1, 2].map(|k| [m[k][0] + m[k][1] + m[k][2], m[k][3], own[k]]);
+        // Of each axis of the object's space: how much a row of |M| enlarges, what its numbers may be off by, and what it enlarges of
+        // what a geometry's query is off by.
+        let (mut norm, mut met, mut off) = ([0.0; 3], [[0.0; 3]; 3], [0.0; 3]);
+        for k in 0..3 {
+            norm[k] = m[k][0] + m[k][1] + m[k][2];
+            met[k] = [norm[k], m[k][3], own[k]];
+        }
         if errs.across_axes {
-            let greatest =
-                |part: usize| norms.iter().fold(0.0, |most: f64, own| most.max(own[part]));
-            norms = [[greatest(0), greatest(1), greatest(2)]; 3];
+            let greatest = |part: usize| max(max(met[0][part], met[1][part]), met[2][part]);
+            met = [[greatest(0), greatest(1), greatest(2)]; 3];
+        }
+        for k in 0..3 {
+            let seen = m[k][0] * world[0] + m[k][1] * world[1] + m[k][2] * world[2];
+            let [_, from, greatest] = met[k];
+            let asked = errs.distance * (greatest + from) + errs.extent * extent;
+            off[k] = PLACE_ROUNDINGS * (seen + m[k][3]) + asked + LEAST;
         }
         let (mut reach, mut out) = (0.0f64, Aabb::EMPTY);
         for row in 0..3 {
             let (mut condition, mut met_condition) = (0.0, 0.0);
             let mut slack = defect[row][3] + TEST_ROUNDINGS * world[row];
             for k in 0..3 {
-                slack += defect[row][k] * world[k];
-                let norm = m[k][0] + m[k][1] + m[k][2];
-                let seen = m[k][0] * world[0] + m[k][1] * world[1] + m[k][2] * world[2];
-                condition += a[row][k] * norm;
-                let seen = PLACE_ROUNDINGS * (seen + m[k][3]);
-                let [met_norm, from, greatest] = norms[k];
-                met_condition += a[row][k] * met_norm;
-                let met = errs.distance * (greatest + from);
-                slack += a[row][k] * (seen + met + errs.extent * extent + LEAST);
+                slack += defect[row][k] * world[k] + a[row][k] * off[k];
+                condition += a[row][k] * norm[k];
+                met_condition += a[row][k] * met[k][0];
             }
             if met_condition > CONDITION_MOST {
                 return None;
             }
             let roundings = ORIGIN_ROUNDINGS * condition + errs.distance * met_condition;
-            reach = reach.max(roundings + TEST_ROUNDINGS);
+            reach = max(reach, roundings + TEST_ROUNDINGS);
             let slack = slack * ROOM + SUM_ERROR * world[row];
-            out.lo[row] = below(ends[0][row].max(tight[0][row]) - slack);
-            out.hi[row] = above(ends[1][row].min(tight[1][row]) + slack);
+            out.lo[row] = below(max(ends[0][row], tight[0][row]) - slack);
+            out.hi[row] = above(-max(-ends[1][row], -tight[1][row]) + slack);
         }
         Some(WorldBox { bounds: out, reach: above(reach * ROOM) })
     }
+}
+
+/// The magnitudes of a transform's numbers.
+fn magnitudes(rows: &Transform) -> [[f64; 4]; 3] {
+    let mut wide = in_f64(rows);
+    for row in &mut wide {
+        for number in row {
+            *number = number.abs();
+        }
+    }
+    wide
+}
+
+/// The greater number, in one instruction.
+fn max(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
 }
 
 /// The greatest `f32` that is not above, finite.

@@ -52,13 +52,13 @@ pub fn to_level(tree: &KdTreeView<'_>, level: usize) -> Vec<Cell> {
     out
 }
 
-fn paint(way: &[u8]) -> Paint {
+pub(super) fn paint(way: &[u8]) -> Paint {
     let turn = |level: usize| usize::from(way.get(level).copied().unwrap_or(0));
     PAINTS[turn(0)][turn(1)]
 }
 
 /// A box moved away from the middle of all.
-fn apart(cell: &Aabb, bounds: &Aabb) -> Aabb {
+pub(super) fn apart(cell: &Aabb, bounds: &Aabb) -> Aabb {
     let shift: [f32; 3] = std::array::from_fn(|axis| {
         let middle = |bounds: &Aabb| 0.5 * bounds.lo[axis] + 0.5 * bounds.hi[axis];
         APART * (middle(cell) - middle(bounds))

@@ -123,7 +123,7 @@ impl Report {
         out += &table_4;
         out += &self.motion_note();
         out += &self.pictures(0);
-        for figure in [4, 5, 6, 7, 8, 9, 10, 11, 12] {
+        for figure in [3, 4, 5, 6, 7, 8, 9, 10, 11, 12] {
             out += &self.figure(figure);
         }
         out += "\n";

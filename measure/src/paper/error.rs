@@ -6,6 +6,7 @@ use splitplane::scene::{AnimationError, SceneError};
 use splitplane::tracer::TracerError;
 use splitplane_core::error::{BuildError, QueryError};
 use splitplane_core::mesh::MeshError;
+use splitplane_core::points::build::PointBuildError;
 use splitplane_scene::from_file::quoted;
 use thiserror::Error;
 
@@ -42,6 +43,9 @@ pub enum ReportError {
         /// Why, in the system's words.
         reason: String,
     },
+    /// A tree of points that cannot be built.
+    #[error(transparent)]
+    Points(#[from] PointBuildError),
     /// Frames of a scene that cannot be had.
     #[error(transparent)]
     Animation(#[from] AnimationError),

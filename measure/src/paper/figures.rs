@@ -7,7 +7,7 @@ use super::plot::{Plot, ScalingPlot, png, svg};
 use super::scaling::Scaling;
 use super::scene::{Placed, Settings};
 use super::timing::pool;
-use super::{ReportError, areas, cells, crown, cut, slice};
+use super::{ReportError, areas, cells, crown, cut, point_trees, slice};
 use serde::Serialize;
 use splitplane::picture::{encode_png, screen};
 use splitplane::tracer::{FrameRequest, Tracer};
@@ -121,6 +121,30 @@ impl Figures {
             scene.name
         );
         self.draw(9, "figure-9", caption, &space)
+    }
+
+    /// Figures 3, 4, 8 and 9 as the survey has them: of trees of points.
+    ///
+    /// # Errors
+    /// [`ReportError::Picture`], or no memory.
+    pub fn point_trees(&mut self) -> Result<(), ReportError> {
+        let (diagram, plane) = point_trees::figures_3_and_4()?;
+        let caption = format!(
+            "A tree of {} points of the plane (`PointTree`, axes by cycle): the root is divided across x, its children across y, theirs across x \
+             again. Points stand in blocks of 16, not in nodes as the survey's do.",
+            plane.points.len()
+        );
+        self.draw(3, "figure-3", caption, &diagram)?;
+        let caption =
+            "The tree of Figure 3 in the plane: each plane ends where one above it stands.";
+        self.draw(4, "figure-4-points", caption.into(), &plane)?;
+        let (diagram, space) = point_trees::figures_8_and_9()?;
+        let caption = "The survey's tree from points: a cloud in which its seven points are the first beyond each plane. Axes take turns, x, y, z, \
+                       and each node divides at the coordinate of the point that the survey has there.";
+        self.draw(8, "figure-8-points", caption.into(), &diagram)?;
+        let caption = "Cells of that tree, drawn apart, seen from the corner of greatest x, y and z: the four of the survey's figure, and what the \
+                       planes across z make of them.";
+        self.draw(9, "figure-9-points", caption.into(), &space)
     }
 
     /// Figures 5 and 6: of the scene whose objects have most triangles. Gives what they show.

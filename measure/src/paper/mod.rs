@@ -2,7 +2,7 @@
 //! tables of times, costs and frames a second, its figures, each beside the printed value.
 //!
 //! Whatever is printed stands in [`survey`]; whatever is measured comes from [`scene`], [`scaling`] and
-//! [`areas`]; what is drawn comes from trees that were built ([`cut`], [`mod@slice`], [`crown`]). [`tables`] and
+//! [`areas`]; what is drawn comes from trees that were built ([`cut`], [`mod@slice`], [`crown`], [`point_trees`]). [`tables`] and
 //! [`document`] put them side by side. Nothing here judges a time.
 
 pub mod areas;
@@ -22,6 +22,7 @@ pub mod machine;
 pub mod motion;
 pub mod objects;
 pub mod plot;
+pub mod point_trees;
 pub mod rays;
 pub mod scaling;
 pub mod scene;

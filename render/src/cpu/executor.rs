@@ -2,7 +2,7 @@
 
 use super::buffers::Buffers;
 use super::kernels as k;
-use super::traced::Traced;
+use super::traced::{Traced, of_scene};
 use crate::error::RenderError;
 use crate::frame::FrameInput;
 use crate::kernel::{Buffer, Counter, Kernel, RayTracer};
@@ -17,7 +17,8 @@ use splitplane_core::build::schedule::Executor;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::query::intersect::{Limits, SceneScale};
 use splitplane_core::triangle::prepare;
-use std::time::{Duration, Instant};
+use splitplane_cpu::clock::Stopwatch;
+use std::time::Duration;
 
 /// Calls a kernel with what is shown: one mesh, for which nothing is looked up, or the instances of a scene.
 macro_rules! in_world {
@@ -44,7 +45,8 @@ pub struct CpuExecutor<'a> {
     buffers: &'a mut Buffers,
     /// The reference traversal that counts costs; created when first needed.
     scale: Option<SceneScale>,
-    tracing: Duration,
+    /// `None` where there is no clock.
+    tracing: Option<Duration>,
 }
 
 impl core::fmt::Debug for CpuExecutor<'_> {
@@ -83,7 +85,7 @@ impl<'a> CpuExecutor<'a> {
         }
         buffers.prepare(&plan);
         let frame = plan.frame(input.scene, &input.camera, &input.query);
-        let tracing = Duration::ZERO;
+        let tracing = Stopwatch::start().elapsed().map(|_| Duration::ZERO);
         Ok(CpuExecutor { input, traced, plan, frame, buffers, scale: None, tracing })
     }
 
@@ -102,9 +104,13 @@ impl<'a> CpuExecutor<'a> {
         &self.buffers.counters
     }
 
-    /// Time spent in queries so far.
-    pub fn tracing(&self) -> Duration {
+    /// Time spent in queries so far; `None` where there is no clock.
+    pub fn tracing(&self) -> Option<Duration> {
         self.tracing
+    }
+
+    fn add_tracing(&mut self, stopwatch: Stopwatch) {
+        self.tracing = self.tracing.zip(stopwatch.elapsed()).map(|(sum, more)| sum + more);
     }
 
     /// Live elements of a buffer.
@@ -146,11 +152,11 @@ impl Executor<RayTracer> for CpuExecutor<'_> {
                 k::camera_rays::run(frame, first, &mut b.rays[..paths], &mut b.paths[..paths]);
             }
             Kernel::ClosestHits => {
-                let start = Instant::now();
+                let stopwatch = Stopwatch::start();
                 let (rays, hits) = (&b.rays[..paths], &mut b.hits[..paths]);
                 let met = (&mut b.scene_hits, &mut b.hit_instances);
                 self.traced.closest_hits(rays, hits, met, &query)?;
-                self.tracing += start.elapsed();
+                self.add_tracing(stopwatch);
             }
             Kernel::Shade => {
                 in_world!(self.traced, mesh, world => {
@@ -184,18 +190,18 @@ impl Executor<RayTracer> for CpuExecutor<'_> {
                 });
             }
             Kernel::ShadowHits => {
-                let start = Instant::now();
+                let stopwatch = Stopwatch::start();
                 let (rays, lights) = (&b.shadow_rays[..shadows], &mut b.shadow_light[..shadows]);
                 k::shadow_hits::run(self.traced, &query, rays, lights, &mut b.occluded)?;
-                self.tracing += start.elapsed();
+                self.add_tracing(stopwatch);
             }
             Kernel::ShadowHitsThroughGlass => {
-                let start = Instant::now();
+                let stopwatch = Stopwatch::start();
                 let traced = self.traced;
                 in_world!(traced, mesh, world => k::shadow_hits_through_glass::run(
                     traced, &query, &scene, world, shadows, b
                 ))?;
-                self.tracing += start.elapsed();
+                self.add_tracing(stopwatch);
             }
             Kernel::Accumulate => {
                 let casts = self.plan.casts_shadows();
@@ -229,8 +235,14 @@ impl Executor<RayTracer> for CpuExecutor<'_> {
                 });
             }
             Kernel::FirstCosts => {
-                let Traced::Mesh(accelerator) = self.traced else {
-                    return Err(RenderError::NoCosts);
+                let accelerator = match self.traced {
+                    Traced::Mesh(accelerator) => accelerator,
+                    Traced::Scene(scene, ..) => {
+                        let pixels = &mut b.first_costs[counters[Counter::FirstPixel] as usize..];
+                        let firsts = b.rays[..paths].par_iter().step_by(frame.samples as usize);
+                        k::first_costs::run_scene(scene.scene(), &of_scene(&query), firsts, pixels);
+                        return Ok(());
+                    }
                 };
                 let scale = *self.scale.get_or_insert_with(|| scene_scale(mesh, accelerator));
                 let input = k::first_costs::Input {

@@ -56,16 +56,13 @@ impl CpuRenderer {
     /// the scene.
     ///
     /// # Errors
-    /// As for [`CpuRenderer::render`]; costs of rays, which a scene does not count.
+    /// As for [`CpuRenderer::render`].
     pub fn render_scene(
         &mut self,
         scene: &dyn SceneAccelerator,
         table: &InstanceTable,
         input: &FrameInput<'_>,
     ) -> Result<FrameStats, RenderError> {
-        if input.outputs.first_costs {
-            return Err(RenderError::NoCosts);
-        }
         let placed = AtomicU64::new(0);
         let stats = self.render_traced(Traced::Scene(scene, table, &placed), input)?;
         Ok(FrameStats { placed_by_cpu: placed.into_inner(), ..stats })
@@ -91,7 +88,7 @@ impl CpuRenderer {
             schedule::finish(&mut executor, &plan)?;
             let (counters, tracing) = (*executor.counters(), executor.tracing());
             if counters[Counter::Overflow] == 0 {
-                return Ok(FrameStats::new(plan, &counters, Some(tracing)));
+                return Ok(FrameStats::new(plan, &counters, tracing));
             }
             plan = plan.halved().ok_or(RenderError::PixelTooDeep {
                 paths: plan.path_room(),

@@ -18,7 +18,7 @@ pub(crate) enum Traced<'a> {
 }
 
 /// The settings of a frame's rays for a scene.
-fn of_scene<'a>(options: &QueryOptions<'a>) -> SceneOptions<'a> {
+pub(super) fn of_scene<'a>(options: &QueryOptions<'a>) -> SceneOptions<'a> {
     SceneOptions {
         accuracy: options.accuracy,
         culling: options.culling,

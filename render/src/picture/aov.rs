@@ -15,6 +15,8 @@ pub enum Aov<'a> {
     Normal(&'a [FirstHit]),
     /// Index of the triangle that the first ray met.
     Triangle(&'a [FirstHit]),
+    /// The instance that the first ray met, by its name; 0 in one mesh.
+    Instance(&'a [FirstHit]),
     /// Nodes that the first ray visited.
     Nodes(&'a [FirstCost]),
     /// Triangles that were tested with the first ray.
@@ -25,14 +27,16 @@ pub enum Aov<'a> {
 const NEAR: f64 = 255.0;
 const FAR: f64 = 40.0;
 const MISS: [u8; 3] = [0; 3];
+const NO_HIT: u32 = FirstHit::MISS.triangle;
 
 impl Aov<'_> {
-    /// `depth`, `normal`, `triangle`, `nodes` or `tests`.
+    /// `depth`, `normal`, `triangle`, `instance`, `nodes` or `tests`.
     pub const fn name(&self) -> &'static str {
         match self {
             Aov::Depth(_) => "depth",
             Aov::Normal(_) => "normal",
             Aov::Triangle(_) => "triangle",
+            Aov::Instance(_) => "instance",
             Aov::Nodes(_) => Quantity::Nodes.name(),
             Aov::Tests(_) => Quantity::Tests.name(),
         }
@@ -44,6 +48,7 @@ impl Aov<'_> {
             Aov::Depth(hits) => ("the array of depths", hits.len()),
             Aov::Normal(hits) => ("the array of normals", hits.len()),
             Aov::Triangle(hits) => ("the array of triangles", hits.len()),
+            Aov::Instance(hits) => ("the array of instances", hits.len()),
             Aov::Nodes(costs) | Aov::Tests(costs) => ("the array of costs", costs.len()),
         };
         PictureError::check_length(what, found, size)
@@ -54,7 +59,7 @@ impl Aov<'_> {
     /// - Depth is grey: white at the least finite depth of the picture, dark (40 of 255) at the greatest,
     ///   in proportion between them. One depth alone is white.
     /// - A normal `n` has the colour `(n + 1) / 2`, component by component.
-    /// - Triangles have bright colours that depend on their index only; neighbours in the mesh's order
+    /// - Triangles and instances have bright colours that depend on their index only; neighbours in the mesh's order
     ///   have hues far apart. Two triangles may share a colour.
     /// - Nodes and tests have the colours of a [`HeatMap`](super::HeatMap) with a scale of its own
     ///   choice; the map itself also shows the scale.
@@ -67,6 +72,10 @@ impl Aov<'_> {
             Aov::Depth(hits) => depth(size, hits),
             Aov::Normal(hits) => paint(size, hits, normal),
             Aov::Triangle(hits) => paint(size, hits, |hit| triangle(hit.triangle)),
+            Aov::Instance(hits) => paint(size, hits, |hit| match hit.triangle == NO_HIT {
+                true => MISS,
+                false => triangle(hit.instance),
+            }),
             Aov::Nodes(costs) => cost(size, costs, Quantity::Nodes),
             Aov::Tests(costs) => cost(size, costs, Quantity::Tests),
         })
@@ -89,7 +98,7 @@ fn depth(size: Size, hits: &[FirstHit]) -> RgbImage {
 }
 
 fn normal(hit: &FirstHit) -> [u8; 3] {
-    if hit.triangle == FirstHit::MISS.triangle {
+    if hit.triangle == NO_HIT {
         return MISS;
     }
     // The cast keeps values that are out of range, or NaN, within a byte.
@@ -97,7 +106,7 @@ fn normal(hit: &FirstHit) -> [u8; 3] {
 }
 
 fn triangle(index: u32) -> [u8; 3] {
-    if index == FirstHit::MISS.triangle {
+    if index == NO_HIT {
         return MISS;
     }
     // Steps of the golden ratio around the colour circle: successive indices get far apart, and the

@@ -28,6 +28,7 @@ const BATCH: usize = 64;
 /// | [`Aov::Depth`] | `Z`, the distance along the ray | 32-bit float | infinity |
 /// | [`Aov::Normal`] | `N.X`, `N.Y`, `N.Z`, in the scene's axes | 32-bit float | 0, 0, 0 |
 /// | [`Aov::Triangle`] | `triangle` | 32-bit unsigned integer | 4294967295 |
+/// | [`Aov::Instance`] | `instance` | 32-bit unsigned integer | 4294967295 |
 /// | [`Aov::Nodes`] | `nodes` | 32-bit unsigned integer | as for others |
 /// | [`Aov::Tests`] | `tests` | 32-bit unsigned integer | as for others |
 ///
@@ -62,6 +63,7 @@ enum Channel<'a> {
     Depth(&'a [FirstHit]),
     Normal(usize, &'a [FirstHit]),
     Triangle(&'a [FirstHit]),
+    Instance(&'a [FirstHit]),
     Nodes(&'a [FirstCost]),
     Tests(&'a [FirstCost]),
 }
@@ -73,6 +75,7 @@ impl Channel<'_> {
             Channel::Depth(_) => "Z",
             Channel::Normal(axis, _) => ["N.X", "N.Y", "N.Z"][axis],
             Channel::Triangle(_) => "triangle",
+            Channel::Instance(_) => "instance",
             Channel::Nodes(_) => "nodes",
             Channel::Tests(_) => "tests",
         }
@@ -81,7 +84,9 @@ impl Channel<'_> {
     fn description(&self) -> ChannelDescription {
         let samples = match self {
             Channel::Radiance(..) | Channel::Depth(_) | Channel::Normal(..) => SampleType::F32,
-            Channel::Triangle(_) | Channel::Nodes(_) | Channel::Tests(_) => SampleType::U32,
+            Channel::Triangle(_) | Channel::Instance(_) | Channel::Nodes(_) | Channel::Tests(_) => {
+                SampleType::U32
+            }
         };
         ChannelDescription::named(self.name(), samples)
     }
@@ -93,6 +98,10 @@ impl Channel<'_> {
             Channel::Depth(hits) => line.write_samples(|x| hits[first + x].depth),
             Channel::Normal(axis, hits) => line.write_samples(|x| hits[first + x].normal[axis]),
             Channel::Triangle(hits) => line.write_samples(|x| hits[first + x].triangle),
+            Channel::Instance(hits) => line.write_samples(|x| {
+                let hit = &hits[first + x];
+                if hit.triangle == FirstHit::MISS.triangle { u32::MAX } else { hit.instance }
+            }),
             Channel::Nodes(costs) => line.write_samples(|x| costs[first + x].nodes),
             Channel::Tests(costs) => line.write_samples(|x| costs[first + x].triangles),
         }
@@ -107,6 +116,7 @@ fn channels<'a>(radiance: &'a [[f32; 4]], aovs: &[Aov<'a>]) -> Vec<Channel<'a>> 
             Aov::Depth(hits) => channels.push(Channel::Depth(hits)),
             Aov::Normal(hits) => channels.extend((0..3).map(|axis| Channel::Normal(axis, hits))),
             Aov::Triangle(hits) => channels.push(Channel::Triangle(hits)),
+            Aov::Instance(hits) => channels.push(Channel::Instance(hits)),
             Aov::Nodes(costs) => channels.push(Channel::Nodes(costs)),
             Aov::Tests(costs) => channels.push(Channel::Tests(costs)),
         }

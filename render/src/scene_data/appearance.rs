@@ -40,12 +40,6 @@ pub enum AppearanceError {
         /// Words needed.
         words: u64,
     },
-    /// A geometry of shapes, which pictures do not show.
-    #[error("geometry {geometry} consists of shapes; pictures show triangles only")]
-    Shapes {
-        /// The geometry.
-        geometry: u32,
-    },
     /// A geometry of a scene of instances whose triangles are not among those that are described.
     #[error(
         "the triangles of geometry {geometry} are not among those that the appearance describes"

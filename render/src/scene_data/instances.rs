@@ -1,29 +1,34 @@
 //! What frames read of the instances of a scene: where each is, which triangles it shows, and in which material.
 
+use super::round::{self, RoundPlace};
 use super::{AppearanceError, NONE};
 use crate::vector::{Vector, greatest};
 use splitplane_core::arithmetic::{Arithmetic, Strict, snap};
 use splitplane_core::backend::scene::BuiltScene;
-use splitplane_core::scene::{Placement, Transform};
+use splitplane_core::ray::{Hit, Ray};
+use splitplane_core::scene::{GeometryMesh, Placement, Transform};
 use splitplane_core::triangle::Triangle;
+use std::sync::Arc;
 
 /// How a scene of instances looks, besides what its [`Appearance`](crate::Appearance) says of the triangles of all its
 /// geometries, one after the other.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Geometries<'a> {
-    /// For every geometry, by its name, the number of its first triangle among those of all.
+    /// For every geometry, by its name, the number of its first triangle among those of all; of shapes any number.
     pub first_triangles: &'a [u32],
-    /// For every instance, by its name, the material of all of it; [`NONE`] for those of its triangles. May be shorter than
-    /// the list of instances.
+    /// For every instance, by its name, the material of all of it; [`NONE`] for those of its triangles, and for shapes that of number 0.
+    /// May be shorter than the list of instances.
     pub materials: &'a [u32],
 }
 
 /// An instance, as kernels see it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shown {
-    transform: Transform,
+    pub(super) transform: Transform,
     /// From the world to the object.
-    inverse: Transform,
+    pub(super) inverse: Transform,
+    /// Its shapes among those of the table, or [`NONE`] for triangles.
+    shapes: u32,
     /// The number of its geometry's first triangle among those of all.
     pub(crate) first_triangle: u32,
     pub(crate) triangles: u32,
@@ -40,10 +45,17 @@ pub(crate) struct Shown {
 #[derive(Clone, Debug, Default)]
 pub struct InstanceTable {
     rows: Vec<Option<Shown>>,
+    /// The geometries that consist of shapes.
+    shapes: Vec<Arc<GeometryMesh>>,
 }
 
 impl Shown {
-    fn new(placement: &Placement, first_triangle: u32, triangles: u32, material: u32) -> Shown {
+    fn new(
+        placement: &Placement,
+        (first_triangle, triangles): (u32, u32),
+        shapes: u32,
+        material: u32,
+    ) -> Shown {
         let (transform, space) = (placement.instance.transform, placement.space);
         let row = |row: usize| {
             let part = |column: usize| -> f64 {
@@ -56,7 +68,7 @@ impl Shown {
         };
         let stretch = row(0).max(row(1)).max(row(2)) as f32;
         let (inverse, mirrored) = (space.inverse, space.mirrored);
-        Shown { transform, inverse, first_triangle, triangles, material, mirrored, stretch }
+        Shown { transform, inverse, shapes, first_triangle, triangles, material, mirrored, stretch }
     }
 
     /// The corners in the world, and the greatest magnitude that went into a coordinate: sums of
@@ -87,6 +99,11 @@ impl Shown {
         self.stretch.max(1.0)
     }
 
+    /// Whether it consists of shapes, which have no triangles.
+    pub(crate) fn has_shapes(&self) -> bool {
+        self.shapes != NONE
+    }
+
     /// The direction of a normal in the world: through the inverse's transpose. Not of length 1.
     pub(crate) fn normal_in_world(&self, [x, y, z]: Vector) -> Vector {
         let m = &self.inverse;
@@ -104,7 +121,7 @@ impl InstanceTable {
     /// The instances of a scene that is built. `triangles` is how many there are in all geometries together.
     ///
     /// # Errors
-    /// Geometries that do not lie among these triangles, or that consist of shapes.
+    /// Geometries that do not lie among these triangles.
     pub fn new(
         scene: &BuiltScene,
         geometries: &Geometries<'_>,
@@ -127,7 +144,7 @@ impl InstanceTable {
     ) -> Result<(), AppearanceError> {
         for (name, geometry) in scene.geometries() {
             if geometry.shapes().is_some() {
-                return Err(AppearanceError::Shapes { geometry: name.0 });
+                continue;
             }
             let missing = || AppearanceError::MissingGeometry { geometry: name.0 };
             let first = geometries.first_triangles.get(name.0 as usize).ok_or_else(missing)?;
@@ -137,17 +154,22 @@ impl InstanceTable {
             }
         }
         self.rows.clear();
+        self.shapes.clear();
+        let mut numbers =
+            vec![NONE; scene.geometries().last().map_or(0, |(name, _)| name.0 as usize + 1)];
+        for (name, geometry) in scene.geometries().filter(|(_, own)| own.shapes().is_some()) {
+            numbers[name.0 as usize] = self.shapes.len() as u32;
+            self.shapes.push(Arc::clone(geometry.mesh()));
+        }
         for (name, placement) in scene.placements() {
             let own = placement.instance.geometry;
             let Some(geometry) = scene.geometry(own) else { continue };
             self.rows.resize(name.0 as usize, None);
             let material = geometries.materials.get(name.0 as usize).copied().unwrap_or(NONE);
-            self.rows.push(Some(Shown::new(
-                placement,
-                geometries.first_triangles[own.0 as usize],
-                geometry.mesh().mesh().len() as u32,
-                material,
-            )));
+            let first = geometries.first_triangles.get(own.0 as usize).copied().unwrap_or(0);
+            let triangles = (first, geometry.mesh().mesh().len() as u32);
+            let shapes = numbers[own.0 as usize];
+            self.rows.push(Some(Shown::new(placement, triangles, shapes, material)));
         }
         Ok(())
     }
@@ -165,6 +187,13 @@ impl InstanceTable {
     /// Bytes that are held.
     pub fn bytes(&self) -> u64 {
         (self.rows.capacity() * size_of::<Option<Shown>>()) as u64
+    }
+
+    /// The place of a hit with a shape, in the world; `None` for a triangle.
+    pub(crate) fn round(&self, ray: &Ray, hit: &Hit, instance: u32) -> Option<RoundPlace> {
+        let shown = self.shown(instance)?;
+        let shapes = self.shapes.get(shown.shapes as usize)?.shapes()?;
+        Some(round::place(shapes, shown, ray, hit))
     }
 
     pub(crate) fn shown(&self, instance: u32) -> Option<&Shown> {

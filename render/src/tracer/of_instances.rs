@@ -3,7 +3,7 @@
 use super::{FrameRequest, RenderBackend, TracerError};
 use crate::cpu::CpuRenderer;
 use crate::frame::{FrameInput, FrameStats};
-use crate::layout::FirstHit;
+use crate::layout::{FirstCost, FirstHit};
 use crate::plan::{Plan, Room};
 use crate::scene_data::instances::{Geometries, InstanceTable};
 use crate::scene_data::{Appearance, SceneData};
@@ -121,7 +121,7 @@ impl InstanceTracer {
     /// Renders a frame. `mesh` has the triangles of all geometries, as for [`InstanceTracer::load`].
     ///
     /// # Errors
-    /// Settings out of range, costs of rays, which a scene does not count, or a backend that fails.
+    /// Settings out of range, or a backend that fails.
     pub fn frame(
         &mut self,
         mesh: &Mesh<'_>,
@@ -143,6 +143,12 @@ impl InstanceTracer {
     /// Linear radiance of the last frame by pixel: red, green, blue, 0.
     pub fn radiance(&self) -> &[[f32; 4]] {
         self.renderer.radiance()
+    }
+
+    /// The cost of the first ray of each pixel of the last frame, as [`BuiltScene::cost_of`](splitplane_core::backend::scene::BuiltScene::cost_of)
+    /// counts it. Empty when they were not requested.
+    pub fn first_costs(&self) -> &[FirstCost] {
+        self.renderer.first_costs()
     }
 
     /// The hit of the first ray of each pixel of the last frame; its triangle is that of a geometry. Empty when they were not requested.

@@ -52,6 +52,8 @@ impl Objects {
             name: name.to_owned(),
             vertices: start.vertex as u32..end.vertex as u32,
             triangles: start.triangle as u32..end.triangle as u32,
+            solids: None,
+            opacity: None,
         });
         self.geometries.len() as u32 - 1
     }

@@ -40,7 +40,10 @@ pub enum BuiltinError {
     #[error("there is no built-in scene `{0}`; there are {names}", names = names())]
     Unknown(String),
     /// The scene is one of many objects, and one mesh was asked for.
-    #[error("the built-in scene `{0}` has many objects; render and animate take such scenes")]
+    #[error(
+        "the built-in scene `{0}` has many objects, and one mesh is asked for; render, animate, view, build, query and verify \
+         take such scenes"
+    )]
     ManyObjects(String),
     /// The scene comes in one size only.
     #[error("the built-in scene `{0}` comes in one size; leave the size out")]

@@ -13,6 +13,11 @@ pub(super) fn of(scene: &InstancedScene) -> Scene {
         .geometries
         .iter()
         .map(|geometry| {
+            if let Some(solids) = &geometry.solids {
+                let shapes = solids.kind.shapes();
+                let all = (0..shapes.len() as u32).filter_map(|number| shapes.bounds(number));
+                return all.fold(Aabb::EMPTY, |bounds, own| bounds.union(&own));
+            }
             let vertices = geometry.vertices.start as usize..geometry.vertices.end as usize;
             let all = parts.positions.get(vertices).unwrap_or_default().iter();
             let finite = all.filter(|point| point.iter().all(|x| x.is_finite()));
@@ -69,6 +74,9 @@ pub(super) fn shines(scene: &InstancedScene) -> bool {
         .geometries
         .iter()
         .map(|geometry| {
+            if let Some(solids) = &geometry.solids {
+                return is_shining(&solids.material);
+            }
             let range = geometry.triangles.start as usize..geometry.triangles.end as usize;
             parts.material_of.get(range).unwrap_or_default().iter().any(is_shining)
         })

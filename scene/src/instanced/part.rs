@@ -1,16 +1,16 @@
 //! Puts triangles of a scene behind those that are there, as a geometry with vertices of its own.
 
-use super::{Geometry, InstancedScene};
+use super::{Geometry, InstancedScene, Solids};
 use crate::Scene;
 use std::collections::HashMap;
 use std::ops::Range;
 
 impl InstancedScene {
     /// Adds materials and textures of a scene; gives the numbers that the first of each has now.
-    pub(crate) fn add_materials(&mut self, from: &mut Scene) -> u32 {
+    pub(crate) fn add_materials(&mut self, from: &Scene) -> u32 {
         let (material, texture) =
             (self.parts.materials.len() as u32, self.parts.textures.len() as u32);
-        self.parts.textures.append(&mut from.textures);
+        self.parts.textures.extend_from_slice(&from.textures);
         self.parts.materials.extend(from.materials.iter().cloned().map(|mut own| {
             own.texture = own.texture.map(|named| named + texture);
             own
@@ -50,6 +50,22 @@ impl InstancedScene {
             name: name.to_owned(),
             vertices: vertex..self.parts.positions.len() as u32,
             triangles: triangle..self.parts.indices.len() as u32,
+            solids: None,
+            opacity: None,
+        });
+        self.geometries.len() as u32 - 1
+    }
+
+    /// Adds a geometry of spheres or capsules.
+    pub(crate) fn add_solids(&mut self, name: &str, solids: Solids) -> u32 {
+        let (vertex, triangle) =
+            (self.parts.positions.len() as u32, self.parts.indices.len() as u32);
+        self.geometries.push(Geometry {
+            name: name.to_owned(),
+            vertices: vertex..vertex,
+            triangles: triangle..triangle,
+            solids: Some(solids),
+            opacity: None,
         });
         self.geometries.len() as u32 - 1
     }

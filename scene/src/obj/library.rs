@@ -121,6 +121,16 @@ fn textures(scene: &mut Scene, entries: &Entries, options: &SceneOptions) -> Vec
         album.add(&entry.name, folder, name)
     };
     let indices = scene.materials.iter().map(&mut of).collect();
+    if options.cutouts {
+        let mut of = |material: &Material| {
+            let (entry, folder) = entries.get(&material.name)?;
+            album.add(&entry.name, folder, entry.cutout.as_ref()?)
+        };
+        let cutouts: Vec<Option<u32>> = scene.materials.iter().map(&mut of).collect();
+        if cutouts.iter().any(Option::is_some) {
+            scene.cutouts = cutouts;
+        }
+    }
     scene.notes.textures_over_limit = album.over_limit();
     let (textures, warnings) = album.finish();
     scene.textures = textures;

@@ -19,6 +19,8 @@ pub(super) struct Entry {
     pub(super) illum: Option<i64>,
     /// The picture of `map_Kd`, as written.
     pub(super) map: Option<String>,
+    /// The picture of `map_d`, as written.
+    pub(super) cutout: Option<String>,
 }
 
 /// Most notes on single materials of a file.
@@ -74,6 +76,10 @@ pub(super) fn parse(text: &str, mut found: impl FnMut(Entry)) -> Vec<String> {
                 }
                 entry.map = name;
                 if entry.map.is_some() { Ok(()) } else { Err("it names no file".to_owned()) }
+            }
+            _ if keyword.eq_ignore_ascii_case("map_d") => {
+                entry.cutout = map(rest).0;
+                if entry.cutout.is_some() { Ok(()) } else { Err("it names no file".to_owned()) }
             }
             _ => Ok(()),
         };
@@ -204,7 +210,7 @@ mod tests {
     #[test]
     fn every_keyword_is_kept() {
         let text = "Kd 9 9 9\nnewmtl a b\nKd .1 .2 .3\nKs 0.5\nKe 125 100 75\nTf 1 .5 0\nNi 1.5\n\
-                    d -halo 0.25\nTr 0.75\nillum 7\nmap_kd  a b.png\nNs 10\nmap_Bump x.png\nnewmtl c";
+                    d -halo 0.25\nTr 0.75\nillum 7\nmap_kd  a b.png\nMap_D -imfchan m leaf.png\nNs 10\nmap_Bump x.png\nnewmtl c";
         let (entries, warnings) = parse(text);
         assert_eq!(warnings, [""; 0]);
         let want = Entry {
@@ -218,6 +224,7 @@ mod tests {
             transparency: Some(0.75),
             illum: Some(7),
             map: Some("a b.png".into()),
+            cutout: Some("leaf.png".into()),
         };
         assert_eq!(entries, [want, Entry { name: "c".into(), ..Entry::default() }]);
     }

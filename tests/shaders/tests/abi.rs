@@ -7,8 +7,8 @@
 //!   the CPU's kernels. Every file of `lib/` is in `LIBRARY`, every file of `queries/` in `QUERIES`.
 //! - A kernel binds what the table of its set says (`KernelSet::slots`), with its name, access and
 //!   element size; it reads what it is said to read and writes what it is said to write; where a grid
-//!   counts invocations, workgroups are as wide as it says. That holds for four sets: the tree
-//!   builder, the queries, the self-test, and the ray tracer of `splitplane_render` with every choice of features.
+//!   counts invocations, workgroups are as wide as it says. That holds for five sets: the tree
+//!   builder, the node compressor, the queries, the self-test, and the ray tracer of `splitplane_render` with every choice of features.
 //! - The tables themselves are in order, and ARCHITECTURE.md says the same.
 //! - Records that cross have the core's size and words (see `abi/records.rs` for what may differ).
 //! - Module-scope constants have the value of the core's constant of the same name, or stand on a
@@ -23,12 +23,12 @@ use std::collections::BTreeSet;
 
 use splitplane_core::build::reference::kernels::is_of_middle_stage;
 use splitplane_core::kernel::{
-    Counter, DeviceChecks, Kernel, QueryKernel, RayQueries, TreeBuilder,
+    Counter, DeviceChecks, Kernel, NodeCompressor, QueryKernel, RayQueries, TreeBuilder,
 };
 use splitplane_core::layout::Counters;
 use splitplane_render::RayTracer;
 use splitplane_shaders::{
-    CHECKS, KERNELS, LIBRARY, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, Shader,
+    CHECKS, COMPRESS, KERNELS, LIBRARY, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, Shader,
     TriangleTest, continue_lists, join, parts_by_halves, query,
 };
 
@@ -98,6 +98,11 @@ fn the_tree_builder_agrees_with_its_table() {
 }
 
 #[test]
+fn the_node_compressor_agrees_with_its_table() {
+    assert_agrees::<NodeCompressor>();
+}
+
+#[test]
 fn the_queries_agree_with_their_table() {
     assert_agrees::<RayQueries>();
 }
@@ -115,7 +120,7 @@ fn lists_go_on_in_second_bindings() {
         .collect();
     // Scenes of many objects that need halves are answered through their geometries' own trees.
     let whole = |name: &str| middle.contains(&name) || name.starts_with("trace_instances");
-    let shaders = KERNELS.iter().chain(QUERIES);
+    let shaders = KERNELS.iter().chain(COMPRESS).chain(QUERIES);
     for shader in shaders.filter(|shader| !whole(shader.name)) {
         let source = join(&parts_by_halves(shader));
         let lists: &[&str] = match shader.name {
@@ -207,7 +212,7 @@ fn the_scanner_reads_the_core() {
 
 #[test]
 fn every_kernel_says_what_it_does() {
-    for table in [KERNELS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, CHECKS] {
+    for table in [KERNELS, COMPRESS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, CHECKS] {
         assert_none(table, |shader| {
             let own = shader.parts.last().map_or("", |part| part.text);
             names::header_faults(own)

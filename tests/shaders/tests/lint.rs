@@ -33,7 +33,7 @@ use splitplane_core::kernel::{
 };
 use splitplane_render::RayTracer;
 use splitplane_shaders::{
-    CHECKS, KERNELS, LIBRARY, Part, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES,
+    CHECKS, COMPRESS, KERNELS, LIBRARY, Part, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES,
     RenderFeatures, Shader, TriangleTest, render_parts,
 };
 
@@ -77,13 +77,21 @@ fn lint(parts: Vec<Text>, free: Free) -> Vec<Finding> {
 /// The shaders the lint applies to: those of every set.
 fn linted() -> impl Iterator<Item = (&'static Shader, Free)> {
     let kernels = KERNELS.iter().map(|shader| (shader, free_in::<TreeBuilder>(shader)));
+    // They read nodes, but what they compute is the same everywhere.
+    let compress = COMPRESS.iter().map(|shader| (shader, Free::Forbidden));
     let queries = QUERIES.iter().map(|shader| (shader, free_in::<RayQueries>(shader)));
     let render = RENDER.iter().map(|shader| (shader, free_in::<RayTracer>(shader)));
     let retries = RENDER_RETRIES.iter().map(|shader| (shader, Free::Allowed));
     // They trace nothing, but are joined with parts of what does.
     let settles = RENDER_SETTLES.iter().map(|shader| (shader, Free::Allowed));
     let checks = CHECKS.iter().map(|shader| (shader, free_in::<DeviceChecks>(shader)));
-    let all = kernels.chain(queries).chain(render).chain(retries).chain(settles).chain(checks);
+    let all = kernels
+        .chain(compress)
+        .chain(queries)
+        .chain(render)
+        .chain(retries)
+        .chain(settles)
+        .chain(checks);
     all.filter(|(shader, _)| !shader.name.ends_with("_fast"))
 }
 
@@ -222,6 +230,8 @@ fn only_those_that_trace_rays_may_be_free() {
             "any_hit_retry_exact",
             "list_triangles",
             "list_triangles_retry",
+            "count_crossings",
+            "count_crossings_retry",
             "closest_hit_compressed",
             "any_hit_compressed",
             "enter_instances",

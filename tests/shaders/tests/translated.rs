@@ -12,7 +12,7 @@ use std::path::Path;
 
 use naga::back::{hlsl, msl, spv};
 use splitplane_shaders::{
-    CHECKS, KERNELS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, Shader,
+    CHECKS, COMPRESS, KERNELS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, Shader,
 };
 
 use source::{Parsed, Text, texts};
@@ -22,7 +22,9 @@ use source::{Parsed, Text, texts};
 mod source;
 
 fn shaders() -> impl Iterator<Item = &'static Shader> {
-    [KERNELS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, CHECKS].into_iter().flatten()
+    [KERNELS, COMPRESS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, CHECKS]
+        .into_iter()
+        .flatten()
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

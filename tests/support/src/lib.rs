@@ -17,6 +17,7 @@ pub mod judge;
 pub mod modules;
 pub mod objects;
 pub mod oracle;
+pub mod overlap;
 pub mod random;
 pub mod rational;
 pub mod scenes;

@@ -2,12 +2,11 @@
 
 use crate::source::{DebugView, FrameError};
 use image::RgbImage;
-use splitplane::picture::{Aov, HeatMap, Quantity};
+use splitplane::picture::{Aov, FirstCost, FirstHit, HeatMap, Quantity};
 use splitplane::render::{Outputs, Size};
-use splitplane::tracer::Frame;
 
 /// What a view needs of a frame.
-pub(super) fn outputs(view: DebugView) -> Outputs {
+pub(crate) fn outputs(view: DebugView) -> Outputs {
     let none = Outputs { pixels: false, radiance: false, first_hits: false, first_costs: false };
     match view {
         DebugView::Shaded => Outputs::PIXELS,
@@ -19,20 +18,20 @@ pub(super) fn outputs(view: DebugView) -> Outputs {
 }
 
 /// The picture of a view of what first rays met or cost, and what its colours mean.
-pub(super) fn debug_picture(
-    frame: &Frame<'_>,
+pub(crate) fn debug_picture(
     view: DebugView,
     size: Size,
+    hits: &[FirstHit],
+    costs: &[FirstCost],
 ) -> Result<(RgbImage, Option<String>), FrameError> {
     let quantity = match view {
         DebugView::Nodes => Quantity::Nodes,
         DebugView::Triangles => Quantity::Tests,
         _ => {
-            let hits = frame.first_hits()?;
             let aov = match view {
-                DebugView::Depth => Aov::Depth(&hits),
-                DebugView::Normals => Aov::Normal(&hits),
-                _ => Aov::Triangle(&hits),
+                DebugView::Depth => Aov::Depth(hits),
+                DebugView::Normals => Aov::Normal(hits),
+                _ => Aov::Triangle(hits),
             };
             let depths = || hits.iter().map(|hit| hit.depth).filter(|depth| depth.is_finite());
             let legend = (view == DebugView::Depth).then(|| {
@@ -45,20 +44,19 @@ pub(super) fn debug_picture(
             return Ok((aov.picture(size)?, legend));
         }
     };
-    let costs = frame.first_costs()?;
-    let map = HeatMap::new(size, &costs, quantity, None)?;
+    let map = HeatMap::new(size, costs, quantity, None)?;
     let legend = format!(
         "dark 0 to bright {}; mean {:.1}, greatest {}",
         map.top, map.statistics.mean, map.statistics.max
     );
     let aov = match quantity {
-        Quantity::Nodes => Aov::Nodes(&costs),
-        _ => Aov::Tests(&costs),
+        Quantity::Nodes => Aov::Nodes(costs),
+        _ => Aov::Tests(costs),
     };
     Ok((aov.picture(size)?, Some(legend)))
 }
 
 /// A picture as the window takes it.
-pub(super) fn words(image: &RgbImage) -> Vec<u32> {
+pub(crate) fn words(image: &RgbImage) -> Vec<u32> {
     image.pixels().map(|pixel| u32::from_le_bytes([pixel[0], pixel[1], pixel[2], 255])).collect()
 }

@@ -55,7 +55,7 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
         limit: Option<u64>,
     ) -> Result<CpuExecutor<'a, A>, BuildError> {
         let available = InstructionSet::available().contains(&set);
-        let set = if available { set } else { InstructionSet::Portable };
+        let set = if available { set } else { InstructionSet::least() };
         let mut buffers = buffers;
         if limit.is_some_and(|limit| buffers.bytes() > limit) {
             // Memory of a larger build before: a limit must not depend on what was built earlier.

@@ -21,6 +21,8 @@ const NAMES: [&str; 5] = [
 ];
 /// Buffers that do not depend on geometries alone come first: these are as many.
 const OF_INSTANCES: usize = 2;
+/// What the buffers are used for.
+const USAGE: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_DST);
 /// Records that did not change, between two that did, are sent with them rather than in two pieces.
 const GAP: usize = 4;
 
@@ -63,14 +65,29 @@ pub(super) fn reserve(
             let kept = old.map(|old| &old.buffers[place]).filter(serves);
             made.push(match kept {
                 Some(buffer) => buffer.clone(),
-                None => {
-                    use wgpu::BufferUsages as Usage;
-                    let usage = Usage::STORAGE | Usage::COPY_DST;
-                    gpu.buffer(what, bytes, usage)?
-                }
+                None => gpu.buffer(what, bytes, USAGE)?,
             });
         }
         made.try_into().map_err(|_| GpuError::Refused("buffers of a scene".into()))
+    })
+}
+
+/// Reserved buffers, with new ones in place of those that are too small for a scene of this size.
+///
+/// # Errors
+/// As for [`reserve`].
+pub(super) fn grown(
+    gpu: &Gpu,
+    mut buffers: Buffers,
+    sizes: &PackedSizes,
+) -> Result<Buffers, GpuError> {
+    checked(gpu, "a scene", || {
+        for ((buffer, what), bytes) in buffers.iter_mut().zip(NAMES).zip(sizes.bytes()) {
+            if buffer.size() < bytes {
+                *buffer = gpu.buffer(what, bytes, USAGE)?;
+            }
+        }
+        Ok(buffers)
     })
 }
 

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use splitplane_core::backend::BuildOptions;
+use splitplane_core::backend::scene::packed::PackedSizes;
 use splitplane_core::backend::scene::{
     Becoming, BuildGeometry, BuiltScene, SceneAccelerator, SceneAnswer, UpdateReport,
 };
@@ -11,7 +12,7 @@ use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Accuracy, Ray};
 use splitplane_core::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport};
 
-use super::held::{Buffers, HeldScene, exceeded, reserve};
+use super::held::{Buffers, HeldScene, exceeded, grown, reserve};
 use super::waves::{WaveMemory, Waves};
 use crate::error::GpuError;
 use crate::query::error::DeviceQueryError;
@@ -111,18 +112,30 @@ fn make_room(
     becoming: &Becoming,
     options: &BuildOptions<'_>,
 ) -> Result<Reserved, SceneBuildError> {
-    let Becoming { sizes, geometries_change, held, .. } = becoming;
-    if let Some(limit) = exceeded(queries.gpu(), sizes) {
-        return Ok(Err(limit.to_string()));
+    if let Some(reason) = becoming.host_only {
+        return Ok(Err(reason.into()));
     }
-    let bytes: u64 = sizes.bytes().iter().sum();
-    if let Some(limit) = options.max_memory.filter(|limit| held.saturating_add(bytes) > *limit) {
-        let needed = held.saturating_add(bytes);
-        return Ok(Err(format!(
-            "with the scene on the device it takes {needed} bytes, and {limit} are allowed"
-        )));
+    let Becoming { sizes, geometries_change, held, .. } = becoming;
+    if let Some(reason) = too_large(queries, sizes, *held, options) {
+        return Ok(Err(reason));
     }
     reserve(queries.gpu(), old, sizes, *geometries_change || old.is_none()).map(Ok).map_err(failed)
+}
+
+/// Why a scene of this size is not going to be on the device. `held` are the bytes that are held besides.
+fn too_large(
+    queries: &Queries,
+    sizes: &PackedSizes,
+    held: u64,
+    options: &BuildOptions<'_>,
+) -> Option<String> {
+    if let Some(limit) = exceeded(queries.gpu(), sizes) {
+        return Some(limit.to_string());
+    }
+    let bytes: u64 = sizes.bytes().iter().sum();
+    let needed = held.saturating_add(bytes);
+    let limit = options.max_memory.filter(|limit| needed > *limit)?;
+    Some(format!("with the scene on the device it takes {needed} bytes, and {limit} are allowed"))
 }
 
 fn failed(error: GpuError) -> SceneBuildError {
@@ -163,12 +176,16 @@ impl SceneAccelerator for WgpuScene {
             return Ok(report);
         }
         let gpu = queries.gpu();
-        // The tree over instances may have been built anew since.
+        // A worn tree over instances was built anew since, and may have more nodes. The scene is updated: what fails here
+        // leaves it to the CPU.
+        let sizes = built.packed_sizes();
+        let reserved =
+            reserved.and_then(|buffers| match too_large(queries, &sizes, built.bytes(), options) {
+                Some(reason) => Err(reason),
+                None => grown(gpu, buffers, &sizes).map_err(|error| error.to_string()),
+            });
         let sent = match (reserved, &mut *held) {
             (Err(reason), _) => Err(reason),
-            (Ok(buffers), _) if !suffice(&buffers, built) => {
-                Err("the tree over instances has outgrown its room on the device".into())
-            }
             (Ok(buffers), Ok(held)) if !anew => held
                 .refresh(gpu, buffers, built)
                 .map(|sent| (None, sent))
@@ -206,10 +223,4 @@ impl SceneAccelerator for WgpuScene {
     ) -> Result<SceneReport, QueryError> {
         self.answer(rays, occluded, options, SceneHit::is_hit)
     }
-}
-
-/// Whether the buffers hold the scene as it is now.
-fn suffice(buffers: &Buffers, built: &BuiltScene) -> bool {
-    let needed = built.packed_sizes().bytes();
-    buffers.iter().zip(needed).all(|(buffer, bytes)| buffer.size() >= bytes)
 }

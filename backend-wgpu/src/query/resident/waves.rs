@@ -24,11 +24,16 @@ use crate::query::slices::SliceRays;
 
 /// Bytes of a hit.
 const HIT_BYTES: u64 = size_of::<SceneHit>() as u64;
-/// Bytes of the counts: instances entered, rays that are done.
+/// Bytes of the counts: instances entered in the submission, rays that are done.
 const COUNT_BYTES: u64 = 8;
+/// Bytes of one of them.
+const WORD: u64 = 4;
 /// Waves of the first submission of a slice, and at most of a later one.
 const FIRST_WAVES: usize = 8;
 const MOST_WAVES: usize = 64;
+/// Hits of no more bytes are copied with the counts of every submission, which takes less time than to ask for them once all are
+/// there.
+const COPIED_ALONG: u64 = 1 << 17;
 
 /// Device memory of one slice.
 #[derive(Debug)]
@@ -93,6 +98,11 @@ impl WaveMemory {
     }
 }
 
+/// Records a copy of the hits to the host, behind the counts.
+fn copy_hits(encoder: &mut wgpu::CommandEncoder, memory: &Memory, bytes: u64) {
+    encoder.copy_buffer_to_buffer(&memory.hits, 0, &memory.readback, COUNT_BYTES, bytes);
+}
+
 /// What a batch is answered with.
 pub(super) struct Waves<'a> {
     pub(super) queries: &'a Queries,
@@ -151,16 +161,27 @@ impl Waves<'_> {
         // A ray enters each instance once, and the last wave finds that there is none left.
         let mut left = self.scene.names() + 1;
         let (mut waves, mut first) = (FIRST_WAVES, true);
+        let hit_bytes = u64::from(count) * HIT_BYTES;
+        // Each submission counts from zero: in so few waves no count outgrows a word.
+        let mut entered = 0;
         loop {
             let now = waves.min(left);
             self.submit(memory, count, now, first)?;
             let counts = gpu.read_mapped(&memory.readback, COUNT_BYTES)?;
             let word = |at: usize| u32::from_ne_bytes([0, 1, 2, 3].map(|k| counts[4 * at + k]));
+            entered += u64::from(word(0));
             if word(1) == count {
-                let bytes = COUNT_BYTES + u64::from(count) * HIT_BYTES;
-                let all = gpu.read_mapped(&memory.readback, bytes)?;
+                if hit_bytes > COPIED_ALONG {
+                    checked(gpu, "hits with a scene", || {
+                        let mut encoder = gpu.device().create_command_encoder(&Default::default());
+                        copy_hits(&mut encoder, memory, hit_bytes);
+                        gpu.submit([encoder.finish()])?;
+                        Ok(())
+                    })?;
+                }
+                let all = gpu.read_mapped(&memory.readback, COUNT_BYTES + hit_bytes)?;
                 take(&all[COUNT_BYTES as usize..])?;
-                return Ok(u64::from(word(0)));
+                return Ok(entered);
             }
             left -= now;
             if left == 0 {
@@ -187,7 +208,7 @@ impl Waves<'_> {
         }
     }
 
-    /// Submits waves, and copies of counts and hits to the host.
+    /// Submits waves, and copies to the host: of counts, and of hits where these are few.
     fn submit(
         &self,
         memory: &Memory,
@@ -202,13 +223,17 @@ impl Waves<'_> {
                 // No ray has begun.
                 encoder.clear_buffer(&memory.ways, 0, Some(way_bytes(count, 2)));
                 encoder.clear_buffer(&memory.counts, 0, None);
+            } else {
+                encoder.clear_buffer(&memory.counts, 0, Some(WORD));
             }
             for _ in 0..waves {
                 self.record(&mut encoder, memory, count)?;
             }
             encoder.copy_buffer_to_buffer(&memory.counts, 0, &memory.readback, 0, COUNT_BYTES);
             let bytes = u64::from(count) * HIT_BYTES;
-            encoder.copy_buffer_to_buffer(&memory.hits, 0, &memory.readback, COUNT_BYTES, bytes);
+            if bytes <= COPIED_ALONG {
+                copy_hits(&mut encoder, memory, bytes);
+            }
             gpu.submit([encoder.finish()])?;
             Ok(())
         })
@@ -248,3 +273,6 @@ impl Waves<'_> {
         Ok(())
     }
 }
+
+// A ray enters an instance a wave at most, so the instances that are entered in one submission can be counted in a word.
+const _: () = assert!(SliceRays::MOST as u64 * (MOST_WAVES as u64) < u32::MAX as u64);

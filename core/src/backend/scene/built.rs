@@ -168,11 +168,7 @@ impl BuiltScene {
 
     /// What of the scene a packed form does not have, so that only the host answers its rays; `None` for nothing.
     pub fn host_only(&self) -> Option<&'static str> {
-        if self.masked {
-            return Some("a geometry has an opacity mask");
-        }
-        let has_shapes = self.geometries().any(|(_, own)| own.shapes().is_some());
-        has_shapes.then_some("a geometry is made of shapes")
+        host_only(self.masked, self.geometries().any(|(_, own)| own.shapes().is_some()))
     }
 
     /// All geometries, in the order of their names.
@@ -205,4 +201,12 @@ impl BuiltScene {
         let placements = self.placements.capacity() * size_of::<Option<Placement>>();
         self.top.bytes() + placements as u64
     }
+}
+
+/// Why only the host answers the rays of a scene like this.
+pub(super) fn host_only(masked: bool, has_shapes: bool) -> Option<&'static str> {
+    if masked {
+        return Some("a geometry has an opacity mask");
+    }
+    has_shapes.then_some("a geometry is made of shapes")
 }

@@ -3,7 +3,7 @@
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 
-use super::built::{BuildGeometry, BuiltGeometry, BuiltScene};
+use super::built::{BuildGeometry, BuiltGeometry, BuiltScene, host_only};
 use super::packed::PackedSizes;
 use crate::backend::BuildOptions;
 use crate::cancel::go_on;
@@ -58,6 +58,8 @@ pub struct Becoming {
     pub geometries_change: bool,
     /// Bytes that the old scene and the new geometries hold together.
     pub held: u64,
+    /// What [`BuiltScene::host_only`] is going to say: with a reason there, a device needs no room.
+    pub host_only: Option<&'static str>,
 }
 
 /// Instances that are placed between two calls of the watch.
@@ -134,7 +136,7 @@ impl BuiltScene {
         let rebuilt = self.rebuilt_top(scene, &plan, options)?;
         make_room(&mut self.geometries, scene.geometry_names())?;
         make_room(&mut self.placements, scene.instance_names())?;
-        reserve(&self.becoming(&plan, rebuilt.as_ref()))?;
+        reserve(&self.becoming(scene, &plan, rebuilt.as_ref()))?;
 
         // Nothing fails from here on, but for a worn tree that is then kept.
         let Plan { geometries, placements, mut report } = plan;
@@ -182,9 +184,9 @@ impl BuiltScene {
     }
 
     /// What the scene is going to be.
-    fn becoming(&self, plan: &Plan, rebuilt: Option<&TopTree>) -> Becoming {
+    fn becoming(&self, scene: &Scene, plan: &Plan, rebuilt: Option<&TopTree>) -> Becoming {
         let planned = |name| plan.geometries.binary_search_by_key(&name, |&(name, _)| name).is_ok();
-        let kept = self.geometries().filter(|(name, _)| !planned(*name)).map(|(_, own)| own);
+        let kept = || self.geometries().filter(|(name, _)| !planned(*name)).map(|(_, own)| own);
         let new = plan.geometries.iter().filter_map(|(_, geometry)| geometry.as_ref());
         let sizes = PackedSizes {
             top_nodes: rebuilt.unwrap_or(&self.top).nodes().len(),
@@ -192,8 +194,11 @@ impl BuiltScene {
             ..PackedSizes::default()
         };
         let held = self.bytes() + new.clone().map(BuiltGeometry::bytes).sum::<u64>();
+        let has_shapes = kept().chain(new.clone()).any(|own| own.shapes().is_some());
+        let masked = scene.geometries().any(|(name, _)| matches!(scene.opacity(name), Ok(Some(_))));
         Becoming {
-            sizes: kept.chain(new).fold(sizes, PackedSizes::and),
+            host_only: host_only(masked, has_shapes),
+            sizes: kept().chain(new).fold(sizes, PackedSizes::and),
             geometries_change: !plan.geometries.is_empty(),
             held,
         }

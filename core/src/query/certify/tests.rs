@@ -376,6 +376,83 @@ fn lists_have_all_that_is_crossed_and_all_that_holds_the_origin() {
     assert!(lacking > 10, "{lacking} of {wanted}");
 }
 
+/// Rays whose crossings were counted, those that were left, crossings counted, and counts that are not those of all hits, or of
+/// a ray whose origin a triangle holds.
+fn counts<A: Arithmetic>(rounds: u32) -> [u32; 4] {
+    let [mut decided, mut left, mut crossed, mut wrong] = [0; 4];
+    for round in 0..rounds {
+        let mut numbers = Numbers(round);
+        let triangles = numbers.triangles(round, if round % 64 == 0 { 120 } else { 12 });
+        if triangles.is_empty() {
+            continue;
+        }
+        let mut scene = Scene::new(triangles);
+        // Each in two leaves, as it were.
+        scene.tree.references.extend(0..scene.tree.triangles);
+        scene.tree.nodes = vec![KdNode::leaf(0, 2 * scene.tree.triangles)];
+        let (tree, triangles) = (scene.tree.view(), &scene.triangles[..]);
+        let culling = [Culling::None, Culling::Back, Culling::Front][round as usize / 4 % 3];
+        let ignore = (round % 7 == 0).then_some(3);
+        for _ in 0..20 {
+            let mut ray = numbers.ray(round, triangles);
+            if numbers.bits().is_multiple_of(4) {
+                ray = Ray::new(ray.origin, DIRECTION);
+            }
+            let options = QueryOptions { culling, ignore, ..QueryOptions::default() };
+            let Counted::Crossed(found) =
+                count::<A>(&tree, triangles, &scene.scale, &ray, &options)
+            else {
+                left += 1;
+                continue;
+            };
+            (decided, crossed) = (decided + 1, crossed + found[0] + found[1]);
+            let mut crossings = Vec::new();
+            let all = AllHitsOptions { culling, ignore, ..AllHitsOptions::default() };
+            all_hits(&tree, triangles, &ray, &all, &mut crossings).expect("memory");
+            let front = crossings.iter().filter(|met| met.front).count();
+            wrong += u32::from(found.map(|side| side as usize) != [front, crossings.len() - front]);
+            // From the origin on.
+            if culling == Culling::None && ray.t_min == 0.0 && ExactRay::new(&ray).is_some() {
+                for along in boundary_rays(ray.origin) {
+                    exact::visit(&tree, triangles, &along, &options, &mut (), |ray, corners, _| {
+                        let met = meet(ray, corners, Culling::None);
+                        wrong += u32::from(met.is_some_and(|met| met.is_within_limits()));
+                        f64::INFINITY
+                    });
+                }
+            }
+        }
+    }
+    [decided, left, crossed, wrong]
+}
+
+#[test]
+fn counts_are_those_of_all_hits() {
+    for [decided, left, crossed, wrong] in [counts::<Strict>(1_200), counts::<Hostile>(1_200)] {
+        assert_eq!(wrong, 0);
+        assert!(decided > 10_000 && crossed > 3_000, "{decided}, {left} left, {crossed} crossed");
+    }
+    let [decided, _, _, wrong] = counts::<Sloppy>(300);
+    assert!(wrong > 10, "{wrong} of {decided}");
+}
+
+/// As many as are known at most, and one more.
+#[test]
+fn what_is_counted_has_a_limit() {
+    for (triangles, expected) in [
+        (MOST_COUNTED as u32, Counted::Crossed([MOST_COUNTED as u32, 0])),
+        (MOST_COUNTED as u32 + 1, Counted::Undecided),
+    ] {
+        let at = |z: u32| [[0.0, 0.0], [4.0, 0.0], [0.0, 4.0]].map(|[x, y]| [x, y, z as f32]);
+        let scene = Scene::new((0..triangles).map(at).collect());
+        let ray = Ray::new([1.0, 1.0, 99.0], [0.0, 0.0, -1.0]);
+        let options = QueryOptions::default();
+        let (tree, triangles) = (scene.tree.view(), &scene.triangles[..]);
+        let found = count::<Strict>(&tree, triangles, &scene.scale, &ray, &options);
+        assert_eq!(found, expected);
+    }
+}
+
 /// Records of rays whose triangle is certain: how many there are, how many are certain to the last bit, and how many of
 /// those are not the exact hit's.
 fn records<A: Arithmetic>(rounds: u32) -> [u32; 3] {

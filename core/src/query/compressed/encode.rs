@@ -1,7 +1,8 @@
 //! Boxes as bytes: quantised outward.
 
 use super::{CHILDREN, CompressedNode, REFERENCE_BITS};
-use crate::aabb::Aabb;
+use crate::aabb::{Aabb, max};
+use crate::arithmetic::{Arithmetic, Strict, exponent, power_of_two, snap};
 
 /// Least exponent of a quantum: such quanta, and their products with what rays have, are normal numbers.
 const LEAST_QUANTUM: i32 = -100;
@@ -17,11 +18,6 @@ fn power(exponent: i32) -> f64 {
     f64::from_bits(((exponent + 1023) as u64) << 52)
 }
 
-/// floor(log2 x) of a positive number; that of the least normal one for less.
-fn exponent_of(x: f64) -> i32 {
-    ((x.to_bits() >> 52) & 0x7ff) as i32 - 1023
-}
-
 /// The float next to `x` that is not above it.
 pub(super) fn rounded_down(x: f64) -> f32 {
     let near = (x as f32).clamp(-f32::MAX, f32::MAX);
@@ -33,31 +29,48 @@ pub(super) fn rounded_up(x: f64) -> f32 {
     -rounded_down(-x)
 }
 
-/// Origin and exponent of the quanta on an axis for sides from `lo` to `hi`.
+/// The float below a snapped one, snapped: below what rounds to that.
+pub(super) fn lower(x: f32) -> f32 {
+    if x == 0.0 { -f32::MIN_POSITIVE } else { snap(x.next_down()).max(-f32::MAX) }
+}
+
+/// The float above a snapped one, likewise.
+pub(super) fn upper(x: f32) -> f32 {
+    -lower(-x)
+}
+
+/// Origin and exponent of the quanta on an axis for sides from `lo` to `hi`. By guarded operations, so that a device finds
+/// the same.
 fn frame(lo: f32, hi: f32) -> (f32, i32) {
-    let (lo, hi) = (f64::from(lo), f64::from(hi));
     // Less than a hundredth of what a float of this magnitude resolves is never needed.
-    let finest = exponent_of(lo.abs().max(hi.abs())) - 32;
-    let mut exponent = exponent_of((hi - lo) / 256.0).max(finest).max(LEAST_QUANTUM);
+    let finest = exponent(max(lo.abs(), hi.abs())) - 32;
+    let extent = Strict::snapped_difference(hi, lo);
+    let mut power = (exponent(extent) - 8).max(finest).clamp(LEAST_QUANTUM, MOST_QUANTUM);
     loop {
         // Two quanta below the least side, so that none is negative.
-        let origin = rounded_down(lo - 2.0 * power(exponent));
-        if above((hi - f64::from(origin)) / power(exponent)) <= 255 || exponent >= MOST_QUANTUM {
-            return (origin, exponent);
+        let origin = lower(Strict::snapped_difference(lo, power_of_two(power + 1)));
+        if above(place(hi, origin, power)) <= 255 || power >= MOST_QUANTUM {
+            return (origin, power);
         }
-        exponent += 1;
+        power += 1;
     }
 }
 
-/// One quantum below a place, in whole quanta.
-fn below(place: f64) -> u32 {
-    (place.max(0.0) as u32).saturating_sub(1)
+/// Where a side is, in quanta from the origin; rounded.
+fn place(side: f32, origin: f32, power: i32) -> f32 {
+    Strict::snapped_product(Strict::snapped_difference(side, origin), power_of_two(-power))
 }
 
-/// One quantum above a place, in whole quanta.
-fn above(place: f64) -> u32 {
-    let whole = place.max(0.0) as u32;
-    whole.saturating_add(if f64::from(whole) < place { 2 } else { 1 })
+/// One quantum below a place that was rounded, in whole quanta.
+fn below(place: f32) -> u32 {
+    (max(lower(place), 0.0) as u32).saturating_sub(1)
+}
+
+/// One quantum above a place that was rounded, in whole quanta.
+fn above(place: f32) -> u32 {
+    let place = max(upper(place), 0.0);
+    let whole = place as u32;
+    whole.saturating_add(if (whole as f32) < place { 2 } else { 1 })
 }
 
 impl CompressedNode {
@@ -70,13 +83,13 @@ impl CompressedNode {
             return;
         }
         for axis in 0..3 {
-            let (origin, exponent) = frame(all.lo[axis], all.hi[axis]);
+            let (origin, quantum) = frame(all.lo[axis], all.hi[axis]);
             self.origin[axis] = origin;
-            self.exponents |= ((exponent + 127 + UNITS) as u32) << (8 * axis);
-            let place = |side: f32| (f64::from(side) - f64::from(origin)) / power(exponent);
+            self.exponents |= ((quantum + 127 + UNITS) as u32) << (8 * axis);
+            let placed = |side: f32| place(side, origin, quantum);
             for (child, bounds) in boxes.iter().enumerate() {
-                let (lower, upper) = (below(place(bounds.lo[axis])), above(place(bounds.hi[axis])));
-                for (words, side) in self.sides[child / 4].iter_mut().zip([lower, upper]) {
+                let (low, high) = (below(placed(bounds.lo[axis])), above(placed(bounds.hi[axis])));
+                for (words, side) in self.sides[child / 4].iter_mut().zip([low, high]) {
                     set_byte(&mut words[axis], child, side.min(255));
                 }
             }

@@ -7,8 +7,11 @@ use super::super::world_box::WorldBox;
 use super::LEVELS;
 use crate::aabb::{Aabb, max, min};
 
-/// Bins of one axis.
-const BINS: usize = 16;
+/// Bins of one axis, for few items and for many. What finding a border costs is in proportion to the bins.
+const FEW_BINS: usize = 8;
+const MANY_BINS: usize = 16;
+/// Items that are few.
+const FEW: usize = 32;
 /// No node.
 const NONE: u32 = u32::MAX;
 
@@ -45,9 +48,20 @@ impl Bounds {
         WorldBox { bounds, reach: self.hi[3] }
     }
 
+    fn add_point(&mut self, point: &[f32; 4]) {
+        for axis in 0..4 {
+            self.lo[axis] = min(self.lo[axis], point[axis]);
+            self.hi[axis] = max(self.hi[axis], point[axis]);
+        }
+    }
+
     /// Half the middle, whose differences cannot overflow.
-    fn centre(&self, axis: usize) -> f32 {
-        0.25 * self.lo[axis] + 0.25 * self.hi[axis]
+    fn centre(&self) -> [f32; 4] {
+        let mut centre = [0.0; 4];
+        for axis in 0..4 {
+            centre[axis] = 0.25 * self.lo[axis] + 0.25 * self.hi[axis];
+        }
+        centre
     }
 }
 
@@ -96,27 +110,33 @@ pub(super) enum Child {
 pub(super) fn build(items: &mut [Item]) -> Option<Vec<Binary>> {
     let mut nodes: Vec<Binary> = Vec::new();
     nodes.try_reserve(items.len() / 4 + 1).ok()?;
-    let mut all = Bounds::EMPTY;
-    items.iter().for_each(|item| all.add(&item.bounds));
-    nodes.push(Binary::new(all, 0, items.len()));
+    let mut all = Part::EMPTY;
+    items.iter().for_each(|item| all.add(item));
+    nodes.push(Binary::new(all.bounds, 0, items.len()));
     let mut next = 0;
-    let mut levels: Vec<u8> = Vec::new();
+    // What is known of each node besides.
+    let mut levels: Vec<(u8, Bounds)> = Vec::new();
     levels.try_reserve(items.len() / 4 + 1).ok()?;
-    levels.push(1);
+    levels.push((1, all.centres));
     // Nodes come after their parents.
     while next < nodes.len() {
-        let (node, level) = (nodes[next], usize::from(levels[next]));
+        let (node, (level, centres)) = (nodes[next], levels[next]);
         if node.count as usize > WIDTH {
             let own = &mut items[node.first as usize..][..node.count as usize];
-            let by_cost = level + (usize::BITS - own.len().leading_zeros()) as usize <= LEVELS;
-            let (length, halves) = split(own, by_cost);
+            let halvings = (usize::BITS - own.len().leading_zeros()) as usize;
+            let by_cost = usize::from(level) + halvings <= LEVELS;
+            let (length, [one, other]) = if own.len() <= FEW {
+                split::<FEW_BINS>(own, &centres, by_cost)
+            } else {
+                split::<MANY_BINS>(own, &centres, by_cost)
+            };
             nodes.try_reserve(2).ok()?;
             levels.try_reserve(2).ok()?;
             nodes[next].below = [nodes.len() as u32, nodes.len() as u32 + 1];
             let first = node.first as usize;
-            nodes.push(Binary::new(halves[0], first, length));
-            nodes.push(Binary::new(halves[1], first + length, node.count as usize - length));
-            levels.extend([level as u8 + 1; 2]);
+            nodes.push(Binary::new(one.bounds, first, length));
+            nodes.push(Binary::new(other.bounds, first + length, node.count as usize - length));
+            levels.extend([(level + 1, one.centres), (level + 1, other.centres)]);
         }
         next += 1;
     }
@@ -194,86 +214,135 @@ pub(super) fn children(nodes: &[Binary], node: u32, mut show: impl FnMut(Child))
     }
 }
 
-/// Puts items of the first half before those of the second. Returns how many the first has, at least one and not all, and the bounds
-/// of both.
-fn split(items: &mut [Item], by_cost: bool) -> (usize, [Bounds; 2]) {
-    let mut lo = [f32::INFINITY; 3];
-    let mut hi = [f32::NEG_INFINITY; 3];
-    for item in &*items {
-        for axis in 0..3 {
-            let centre = item.bounds.centre(axis);
-            (lo[axis], hi[axis]) = (min(lo[axis], centre), max(hi[axis], centre));
-        }
+/// Some items: their bounds, and those of their centres.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    bounds: Bounds,
+    centres: Bounds,
+}
+
+impl Part {
+    const EMPTY: Part = Part { bounds: Bounds::EMPTY, centres: Bounds::EMPTY };
+
+    fn add(&mut self, item: &Item) {
+        self.bounds.add(&item.bounds);
+        self.centres.add_point(&item.bounds.centre());
     }
-    let extent = [hi[0] - lo[0], hi[1] - lo[1], hi[2] - lo[2]];
-    let scale = extent.map(|extent| if extent > 0.0 { BINS as f32 / extent } else { 0.0 });
-    let bin = |item: &Item, axis: usize| {
-        (((item.bounds.centre(axis) - lo[axis]) * scale[axis]) as usize).min(BINS - 1)
-    };
+}
+
+/// Bins along the axes, from the lowest centre to the highest.
+struct Grid<const BINS: usize> {
+    lo: [f32; 4],
+    /// Bins per unit; 0 where all centres are one.
+    scale: [f32; 4],
+}
+
+impl<const BINS: usize> Grid<BINS> {
+    fn new(centres: &Bounds) -> Grid<BINS> {
+        let mut scale = [0.0; 4];
+        for (axis, scale) in scale.iter_mut().enumerate().take(3) {
+            let extent = centres.hi[axis] - centres.lo[axis];
+            *scale = if extent > 0.0 { BINS as f32 / extent } else { 0.0 };
+        }
+        Grid { lo: centres.lo, scale }
+    }
+
+    /// The bins of a centre along the axes.
+    fn bins(&self, centre: &[f32; 4]) -> [usize; 3] {
+        let mut bins = [0; 3];
+        for axis in 0..3 {
+            bins[axis] = self.bin(centre, axis);
+        }
+        bins
+    }
+
+    fn bin(&self, centre: &[f32; 4], axis: usize) -> usize {
+        // What is not a number, an extent next to 0 times its reciprocal, is in the first.
+        let at = ((centre[axis] - self.lo[axis]) * self.scale[axis]) as u32;
+        (at as usize).min(BINS - 1)
+    }
+}
+
+/// Puts items of the first half before those of the second; `centres` are the bounds of their centres. Returns how many the first
+/// has, at least one and not all, and both halves.
+fn split<const BINS: usize>(
+    items: &mut [Item],
+    centres: &Bounds,
+    by_cost: bool,
+) -> (usize, [Part; 2]) {
+    let grid = Grid::<BINS>::new(centres);
     if by_cost {
-        let mut bins = [[(Bounds::EMPTY, 0usize); BINS]; 3];
+        let mut bins = [[(Bounds::EMPTY, 0u32); BINS]; 3];
         for item in &*items {
-            for (axis, bins) in bins.iter_mut().enumerate() {
-                let (bounds, count) = &mut bins[bin(item, axis)];
+            let own = grid.bins(&item.bounds.centre());
+            for axis in 0..3 {
+                let (bounds, count) = &mut bins[axis][own[axis]];
                 bounds.add(&item.bounds);
                 *count += 1;
             }
         }
-        let mut best: Option<(f64, usize, usize, [Bounds; 2])> = None;
+        let mut best: Option<(f64, usize, usize)> = None;
         for (axis, bins) in bins.iter().enumerate() {
-            if extent[axis] > 0.0
-                && let Some((cost, border, halves)) = best_border(bins)
+            if grid.scale[axis] > 0.0
+                && let Some((cost, border)) = best_border(bins)
                 && best.is_none_or(|(least, ..)| cost < least)
             {
-                best = Some((cost, axis, border, halves));
+                best = Some((cost, axis, border));
             }
         }
-        if let Some((_, axis, border, halves)) = best {
+        if let Some((_, axis, border)) = best {
+            let mut halves = [Part::EMPTY; 2];
             let mut first = 0;
             for place in 0..items.len() {
-                if bin(&items[place], axis) < border {
-                    items.swap(first, place);
-                    first += 1;
-                }
+                let item = items[place];
+                let is_above = grid.bin(&item.bounds.centre(), axis) >= border;
+                // Always exchanged, since a processor cannot tell which way a branch would go: what is here already is above too.
+                items[place] = items[first];
+                items[first] = item;
+                first += usize::from(!is_above);
+                halves[usize::from(is_above)].add(&item);
             }
             return (first, halves);
         }
     }
     // Centres that are all equal, or a tree that would be too deep: half of them, along the longest axis.
-    let axis = (1..3).fold(0, |most, axis| if extent[axis] > extent[most] { axis } else { most });
+    let extent = |axis: usize| centres.hi[axis] - centres.lo[axis];
+    let axis = (1..3).fold(0, |most, axis| if extent(axis) > extent(most) { axis } else { most });
     let half = items.len() / 2;
     items.select_nth_unstable_by(half, |a, b| {
-        let centres = a.bounds.centre(axis).total_cmp(&b.bounds.centre(axis));
+        let centres = a.bounds.centre()[axis].total_cmp(&b.bounds.centre()[axis]);
         centres.then(a.instance.cmp(&b.instance))
     });
-    let mut halves = [Bounds::EMPTY; 2];
+    let mut halves = [Part::EMPTY; 2];
     for (place, item) in items.iter().enumerate() {
-        halves[usize::from(place >= half)].add(&item.bounds);
+        halves[usize::from(place >= half)].add(item);
     }
     (half, halves)
 }
 
-/// The best border of bins by SAH, its cost, and the bounds on both sides; `None` where all centres are in one bin.
-fn best_border(bins: &[(Bounds, usize); BINS]) -> Option<(f64, usize, [Bounds; 2])> {
-    let mut above = [(Bounds::EMPTY, 0usize); BINS];
-    let mut whole = (Bounds::EMPTY, 0);
-    for bin in (1..BINS).rev() {
-        whole.0.add(&bins[bin].0);
-        whole.1 += bins[bin].1;
-        above[bin] = whole;
+/// The best border of bins by SAH, and its cost; `None` where all centres are in one bin.
+fn best_border<const BINS: usize>(bins: &[(Bounds, u32); BINS]) -> Option<(f64, usize)> {
+    // What is above each border: its cost, 0 where there is nothing.
+    let mut above = [0.0; BINS];
+    let (mut bounds, mut count) = (Bounds::EMPTY, 0);
+    for border in (1..BINS).rev() {
+        bounds.add(&bins[border].0);
+        count += bins[border].1;
+        above[border] = if count == 0 { 0.0 } else { bounds.half_area() * f64::from(count) };
     }
-    let mut best: Option<(f64, usize, [Bounds; 2])> = None;
+    let total = count + bins[0].1;
+    let mut best: Option<(f64, usize)> = None;
     let (mut bounds, mut count) = (Bounds::EMPTY, 0);
     for border in 1..BINS {
-        bounds.add(&bins[border - 1].0);
-        count += bins[border - 1].1;
-        let (others, rest) = &above[border];
-        if bins[border - 1].1 == 0 || *rest == 0 {
+        let (own, more) = &bins[border - 1];
+        bounds.add(own);
+        count += more;
+        if *more == 0 || count == total {
             continue;
         }
-        let cost = bounds.half_area() * count as f64 + others.half_area() * *rest as f64;
-        if best.is_none_or(|(least, ..)| cost < least) {
-            best = Some((cost, border, [bounds, *others]));
+        let cost = bounds.half_area() * f64::from(count) + above[border];
+        if best.is_none_or(|(least, _)| cost < least) {
+            best = Some((cost, border));
         }
     }
     best

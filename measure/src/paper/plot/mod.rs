@@ -6,6 +6,7 @@ mod crown;
 mod cut;
 mod map;
 mod motion;
+mod points;
 mod scaling;
 mod slice;
 mod space;

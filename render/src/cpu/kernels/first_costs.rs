@@ -3,10 +3,12 @@
 use crate::layout::FirstCost;
 use rayon::prelude::*;
 use splitplane_core::arithmetic::Strict;
+use splitplane_core::backend::scene::BuiltScene;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::query::intersect::SceneScale;
 use splitplane_core::query::traverse::{Cost, Query, trace_observed};
 use splitplane_core::ray::{QueryOptions, Ray};
+use splitplane_core::scene::SceneOptions;
 use splitplane_core::tree::KdTreeView;
 
 pub(crate) struct Input<'a> {
@@ -17,6 +19,19 @@ pub(crate) struct Input<'a> {
     pub(crate) samples: u32,
     pub(crate) first_pixel: u32,
     pub(crate) rays: &'a [Ray],
+}
+
+/// The costs of first rays through a scene of instances.
+pub(crate) fn run_scene<'a>(
+    scene: &BuiltScene,
+    options: &SceneOptions<'_>,
+    firsts: impl IndexedParallelIterator<Item = &'a Ray>,
+    first_costs: &mut [FirstCost],
+) {
+    first_costs.par_iter_mut().zip(firsts).with_min_len(256).for_each(|(cost, ray)| {
+        let (_, Cost { nodes, triangles }) = scene.cost_of(ray, options);
+        *cost = FirstCost { nodes, triangles };
+    });
 }
 
 /// `first_costs` are those of the whole picture.

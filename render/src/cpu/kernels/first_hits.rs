@@ -24,10 +24,12 @@ fn first_hit(world: impl World, ray: &Ray, hit: &Hit, instance: u32) -> FirstHit
     if !hit.is_hit() {
         return FirstHit::MISS;
     }
-    let mut normal =
-        normalized(world.plane(Spot { triangle: hit.triangle, instance }).1.scaled_normal);
+    let mut normal = match world.round(ray, (hit, instance)) {
+        Some(place) => place.normal,
+        None => normalized(world.plane(Spot { triangle: hit.triangle, instance }).1.scaled_normal),
+    };
     if dot(normal, ray.direction) > 0.0 {
         normal = negated(normal);
     }
-    FirstHit { normal, depth: hit.t, triangle: hit.triangle, u: hit.u, v: hit.v, padding: 0 }
+    FirstHit { normal, depth: hit.t, triangle: hit.triangle, u: hit.u, v: hit.v, instance }
 }

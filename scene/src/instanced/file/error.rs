@@ -47,6 +47,9 @@ pub enum SceneFileProblem {
     /// The bytes are not UTF-8.
     #[error("it is not UTF-8 text")]
     NotUtf8,
+    /// Not a file of a built scene, though its name says so.
+    #[error(transparent)]
+    Saved(#[from] splitplane_core::scene::file::SceneFileError),
     /// Not JSON, or not a scene: a field that is unknown, missing or of another kind.
     #[error("{0}")]
     Json(String),

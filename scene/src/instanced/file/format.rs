@@ -59,7 +59,27 @@ pub(super) struct Geometry {
     #[serde(default, deserialize_with = "points")]
     pub(super) positions: Option<Vec<[f32; 3]>>,
     pub(super) triangles: Option<Vec<[u32; 3]>>,
+    pub(super) spheres: Option<Vec<Sphere>>,
+    pub(super) capsules: Option<Vec<Capsule>>,
     pub(super) material: Option<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Sphere {
+    #[serde(deserialize_with = "required")]
+    pub(super) centre: [f32; 3],
+    #[serde(deserialize_with = "radius")]
+    pub(super) radius: f32,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Capsule {
+    #[serde(deserialize_with = "required")]
+    pub(super) ends: [[f32; 3]; 2],
+    #[serde(deserialize_with = "radius")]
+    pub(super) radius: f32,
 }
 
 #[derive(Deserialize)]
@@ -235,6 +255,14 @@ fn colour<'de, D: Deserializer<'de>>(from: D) -> Result<[f32; 3], D::Error> {
 
 fn distance<'de, D: Deserializer<'de>>(from: D) -> Result<f32, D::Error> {
     checked(from, |x| x > 0.0 && x.is_finite(), "a distance is finite and more than 0")
+}
+
+fn radius<'de, D: Deserializer<'de>>(from: D) -> Result<f32, D::Error> {
+    checked(
+        from,
+        |x| (1e-37..=f64::from(f32::MAX)).contains(&x),
+        "a radius is finite and at least 1e-37",
+    )
 }
 
 fn index<'de, D: Deserializer<'de>>(from: D) -> Result<f32, D::Error> {

@@ -4,10 +4,12 @@ use super::format::{self, File};
 use super::locate::Step;
 use super::{At, MAX_INSTANCES, SceneFileProblem, material};
 use crate::from_file::quoted;
-use crate::instanced::InstancedScene;
+use crate::instanced::{InstancedError, InstancedScene, SolidKind, Solids, cutout};
 use crate::{Material, Scene, SceneOptions, obj};
 use splitplane_core::mesh::{MAX_TRIANGLES, Mesh};
+use splitplane_core::scene::shape::{Capsule, Sphere};
 use std::collections::HashMap;
+use std::ops::Range;
 use std::path::Path;
 
 /// Their numbers by name. Those that are the same part of the same file in the same material are one.
@@ -15,10 +17,13 @@ pub(super) struct Geometries<'a> {
     by_name: HashMap<&'a str, u32>,
 }
 
-/// An .obj file that was read, and the number of its first material.
+/// An .obj file that was read, the number of its first material, and the runs of triangles of its groups and objects by name.
 struct Loaded {
     scene: Scene,
     first_material: u32,
+    runs: HashMap<(bool, String), Vec<Range<u32>>>,
+    /// What says where its surfaces have holes.
+    channels: Vec<usize>,
 }
 
 /// What a geometry takes of an .obj file: the file, a group, an object.
@@ -38,6 +43,7 @@ impl<'a> Geometries<'a> {
     ) -> Result<Geometries<'a>, At> {
         let at =
             |index, name| vec![Step::Field("geometries"), Step::Element(index), Step::Field(name)];
+        let whole = |index| vec![Step::Field("geometries"), Step::Element(index)];
         if file.geometries.len() > MAX_INSTANCES {
             let problem = SceneFileProblem::TooMany { what: "geometries", most: MAX_INSTANCES };
             return Err((vec![Step::Field("geometries")], problem));
@@ -57,19 +63,39 @@ impl<'a> Geometries<'a> {
                         let (path, group, object) = source;
                         if !loaded.contains_key(path) {
                             let left = options.texture_limit.saturating_sub(texture_bytes);
-                            let options = SceneOptions { texture_limit: left, ..options.clone() };
-                            let mut read = obj::read_with(&folder.join(path), &options)
-                                .map_err(|error| (at(index, "obj"), error.into()))?;
+                            let options = SceneOptions {
+                                texture_limit: left,
+                                cutouts: true,
+                                ..options.clone()
+                            };
+                            let read = obj::read_with(&folder.join(path), &options);
+                            let mut read =
+                                read.map_err(|error| (at(index, "obj"), error.into()))?;
                             texture_bytes += texels(&read);
                             note(scene, &mut read);
-                            let first_material = scene.add_materials(&mut read);
-                            loaded.insert(path, Loaded { scene: read, first_material });
+                            let first_material = scene.add_materials(&read);
+                            let channels = cutout::channels(&read);
+                            let runs = read.triangles_by_group().into_iter();
+                            let runs = runs
+                                .map(|((is_object, name), runs)| {
+                                    ((is_object, name.to_owned()), runs)
+                                })
+                                .collect();
+                            loaded.insert(
+                                path,
+                                Loaded { scene: read, first_material, runs, channels },
+                            );
                         }
-                        let Loaded { scene: from, first_material } = &loaded[path];
+                        let Loaded { scene: from, first_material, runs: by_name, channels } =
+                            &loaded[path];
                         let all = 0..from.indices.len() as u32;
+                        let of = |is_object: bool, name: &str| {
+                            let runs = by_name.get(&(is_object, name.to_owned()));
+                            runs.cloned().unwrap_or_default()
+                        };
                         let (runs, what, name) = match (group, object) {
-                            (Some(name), _) => (from.triangles_of(false, name), "group", name),
-                            (_, Some(name)) => (from.triangles_of(true, name), "object", name),
+                            (Some(name), _) => (of(false, name), "group", name),
+                            (_, Some(name)) => (of(true, name), "object", name),
                             (None, None) => (vec![all], "obj", path),
                         };
                         if runs.is_empty() {
@@ -82,11 +108,27 @@ impl<'a> Geometries<'a> {
                         let number = scene.add_geometry(&own.name, from, &runs, *first_material);
                         if let Some(material) = named {
                             scene.paint_geometry(number, material);
+                        } else {
+                            let mask = cutout::mask(from, channels, &runs).map_err(|error| {
+                                let error = InstancedError::Objects(error);
+                                (at(index, "obj"), SceneFileProblem::Scene(error))
+                            })?;
+                            scene.geometries[number as usize].opacity = mask;
                         }
                         known.insert((source, named), number);
                         number
                     }
                 },
+                Kind::Solids(kind) => {
+                    let count = scene.solids() + kind.len();
+                    if count > MAX_SOLIDS {
+                        let what = "spheres and capsules in all geometries together";
+                        let problem = SceneFileProblem::TooMany { what, most: MAX_SOLIDS };
+                        return Err((whole(index), problem));
+                    }
+                    let material = named.unwrap_or_else(|| clay(scene));
+                    scene.add_solids(&own.name, Solids { kind, material })
+                }
                 Kind::Arrays(positions, triangles) => {
                     Mesh::indexed(positions, triangles)
                         .map_err(|error| (at(index, "triangles"), error.into()))?;
@@ -114,8 +156,12 @@ impl<'a> Geometries<'a> {
     }
 }
 
-/// Where the triangles of a geometry are.
+/// Most spheres and capsules.
+const MAX_SOLIDS: usize = 1 << 27;
+
+/// Where the triangles of a geometry are, or what it has in place of them.
 enum Kind<'a> {
+    Solids(SolidKind),
     Obj(Source<'a>),
     Arrays(&'a [[f32; 3]], &'a [[u32; 3]]),
 }
@@ -123,6 +169,29 @@ enum Kind<'a> {
 impl<'a> Kind<'a> {
     /// A field and what is wrong with it, where it is neither.
     fn of(own: &'a format::Geometry) -> Result<Kind<'a>, (&'static str, &'static str)> {
+        if own.spheres.is_some() || own.capsules.is_some() {
+            let others = own.obj.is_some() || own.positions.is_some() || own.triangles.is_some();
+            if others || own.group.is_some() || own.object.is_some() {
+                return Err((
+                    "name",
+                    "a geometry consists of triangles, of spheres, or of capsules",
+                ));
+            }
+            return match (&own.spheres, &own.capsules) {
+                (Some(_), Some(_)) => Err(("capsules", "give spheres or capsules, not both")),
+                (Some(all), _) => Ok(Kind::Solids(SolidKind::Spheres(
+                    all.iter()
+                        .map(|&format::Sphere { centre, radius }| Sphere { centre, radius })
+                        .collect(),
+                ))),
+                (_, all) => Ok(Kind::Solids(SolidKind::Capsules(
+                    all.iter()
+                        .flatten()
+                        .map(|&format::Capsule { ends, radius }| Capsule { ends, radius })
+                        .collect(),
+                ))),
+            };
+        }
         match (&own.obj, &own.positions, &own.triangles) {
             (Some(path), None, None) => match (&own.group, &own.object) {
                 (Some(_), Some(_)) => Err(("group", "give a group or an object, not both")),
@@ -134,7 +203,10 @@ impl<'a> Kind<'a> {
                 }
                 Ok(Kind::Arrays(positions, triangles))
             }
-            _ => Err(("name", "a geometry has `obj`, or `positions` and `triangles`")),
+            _ => Err((
+                "name",
+                "a geometry has `obj`, or `positions` and `triangles`, or `spheres`, or `capsules`",
+            )),
         }
     }
 }

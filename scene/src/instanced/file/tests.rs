@@ -1,7 +1,9 @@
 //! Good files, and files that are broken in every place.
 
 use super::*;
-use crate::instanced::InstancedScene;
+use crate::instanced::{InstancedScene, SolidKind, Solids};
+#[cfg(feature = "textures")]
+use splitplane_core::scene::GeometryId;
 use splitplane_core::scene::translation;
 
 const GOOD: &str = r#"{
@@ -69,6 +71,188 @@ fn a_file_says_what_is_where() {
     assert_eq!(scene.instances[3].transform, translation([0.0, 2.0, 0.0]));
     assert_eq!(scene.set(4, &mut described), Ok(1));
     assert_eq!(scene.instances[3].transform, translation([0.0, 3.0, 0.0]));
+}
+
+const SHAPES: &str = r#"{
+  "format": "splitplane-scene", "version": 1, "frames": 3,
+  "materials": [{"name": "red", "diffuse": [0.7, 0.1, 0.1]}, {"name": "glass", "glass": {"index": 1.5}}],
+  "geometries": [
+    {"name": "balls", "spheres": [{"centre": [0, 1, 2], "radius": 0.5}, {"centre": [3, 0, 0], "radius": 2}], "material": "red"},
+    {"name": "rods", "capsules": [{"ends": [[0, 0, 0], [0, 2, 0]], "radius": 0.25}]}
+  ],
+  "instances": [
+    {"geometry": "balls", "translate": [1, 0, 0], "scale": [1, 2, 1]},
+    {"geometry": "rods", "material": "glass"},
+    {"geometry": "rods", "keys": [{"frame": 0}, {"frame": 2, "translate": [0, 4, 0]}]}
+  ]
+}"#;
+
+#[test]
+fn spheres_and_capsules_have_materials_and_keys() {
+    use splitplane_core::scene::shape::{Capsule, Sphere};
+    let folder = folder();
+    let mut scene = read_in(&folder, SHAPES).unwrap();
+    let [balls, rods] = &scene.geometries[..] else { panic!("{:?}", scene.geometries) };
+    let ball = |centre, radius| Sphere { centre, radius };
+    let both = vec![ball([0.0, 1.0, 2.0], 0.5), ball([3.0, 0.0, 0.0], 2.0)];
+    let solids = |geometry: &crate::instanced::Geometry| geometry.solids.clone().unwrap();
+    assert_eq!(solids(balls), Solids { kind: SolidKind::Spheres(both), material: 0 });
+    let rod = Capsule { ends: [[0.0; 3], [0.0, 2.0, 0.0]], radius: 0.25 };
+    assert_eq!(solids(rods).kind, SolidKind::Capsules(vec![rod]));
+    assert_eq!(scene.solids(), 3);
+    // An instance's own material, or that of its shapes; grey where there is none.
+    let (_, materials) = scene.numbers();
+    assert_eq!(materials, [0, 1, 2]);
+    assert_eq!(scene.parts.materials[2], Material::clay());
+    let mut described = scene.describe().unwrap();
+    assert_eq!(described.geometries().filter(|(_, mesh)| mesh.shapes().is_some()).count(), 2);
+    assert_eq!(scene.set(1, &mut described), Ok(1));
+    assert_eq!(scene.instances[2].transform, translation([0.0, 2.0, 0.0]));
+    // A camera from outside sees them.
+    let eye = scene.placement(1.0, 1).camera.eye();
+    assert!(eye.iter().all(|x| x.is_finite()) && eye != [0.0; 3], "{eye:?}");
+    let cases = [
+        ("\"radius\": 0.5", "\"radius\": 0", "line 5, column", "geometries[0].spheres[0].radius: "),
+        ("\"radius\": 0.5", "\"radius\": -1", "line 5, column", "at least 1e-37"),
+        (
+            "\"centre\": [3, 0, 0]",
+            "\"centre\": [3, 0]",
+            "line 5, column",
+            "geometries[0].spheres[1]",
+        ),
+        ("\"centre\": [3, 0, 0]", "\"middle\": [3, 0, 0]", "unknown field `middle`", "line 5"),
+        ("\"ends\": [[0, 0, 0], ", "\"ends\": [", "line 6, column", "geometries[1].capsules[0]"),
+        ("\"capsules\"", "\"spheres\": [], \"capsules\"", "geometries[1].capsules: ", "not both"),
+        (
+            "\"capsules\"",
+            "\"obj\": \"two.obj\", \"capsules\"",
+            "geometries[1].name: ",
+            "line 6, column 14",
+        ),
+        ("\"material\": \"red\"", "\"material\": \"blue\"", "geometries[0].material: ", "`blue`"),
+    ];
+    for (from, to, place, words) in cases {
+        let text = SHAPES.replacen(from, to, 1);
+        assert_ne!(text, SHAPES, "{from}");
+        let error = read_in(&folder, &text).expect_err(to).to_string();
+        assert!(error.contains(place) && error.contains(words), "{to}: {error}");
+    }
+}
+
+/// A leaf whose picture is open in two quarters.
+#[cfg(feature = "textures")]
+#[test]
+fn pictures_of_holes_become_masks() {
+    let folder = folder();
+    let at = |name: &str| folder.path().join(name);
+    let leaf = "mtllib leaf.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n\
+                g leaf\nusemtl leaf\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\ng stem\nusemtl stem\nf 1 2 3\n";
+    std::fs::write(at("leaf.obj"), leaf).unwrap();
+    let mtl = "newmtl leaf\nKd 0 1 0\nmap_d leaf.png\nnewmtl stem\nKd 1 0 0\n";
+    std::fs::write(at("leaf.mtl"), mtl).unwrap();
+    // Open in the upper left and the lower right quarter: by alpha, and by grey.
+    let by_alpha = |x: u32, y: u32| [9, 9, 9, if (x < 4) == (y < 4) { 0 } else { 255 }];
+    let by_grey = |x: u32, y: u32| if (x < 4) == (y < 4) { [20, 20, 20, 255] } else { [255; 4] };
+    let text = |more: &str| {
+        format!(
+            r#"{{"format": "splitplane-scene", "version": 1, "instances": [{{"geometry": "leaf"}}], "geometries": [
+            {{"name": "leaf", "obj": "leaf.obj", "group": "leaf"{more}}}, {{"name": "stem", "obj": "leaf.obj", "group": "stem"}},
+            {{"name": "all", "obj": "leaf.obj"}}], "materials": [{{"name": "red"}}]}}"#
+        )
+    };
+    for grey in [false, true] {
+        let picture = image::RgbaImage::from_fn(8, 8, |x, y| {
+            image::Rgba(if grey { by_grey(x, y) } else { by_alpha(x, y) })
+        });
+        picture.save(at("leaf.png")).unwrap();
+        let scene = read_in(&folder, &text("")).unwrap();
+        let mask = |geometry: usize| scene.geometries[geometry].opacity.as_ref();
+        assert!(mask(1).is_none());
+        for geometry in [0, 2] {
+            let mask = mask(geometry).unwrap();
+            assert_eq!((mask.level(), mask.triangles()), (3, [2, 0, 3][geometry]));
+            let (mut open, mut closed) = (0, 0);
+            for i in 0..40 {
+                for j in 0..40 {
+                    // Not on a border of cells.
+                    let [x, y] = [i, j].map(|k| (k as f32 + 0.5) / 40.0);
+                    if (x - y).abs() < 0.15 || (x - 0.5).abs() < 0.15 || (y - 0.5).abs() < 0.15 {
+                        continue;
+                    }
+                    // Corners of the first triangle are (0,0), (1,0), (1,1), those of the second (0,0), (1,1), (0,1).
+                    let (triangle, u, v) = if x > y { (0, x - y, y) } else { (1, x, y - x) };
+                    let opaque = mask.is_opaque(triangle, u, v);
+                    assert_eq!(opaque, (x < 0.5) == (y < 0.5), "{geometry} {x} {y}");
+                    if opaque { closed += 1 } else { open += 1 }
+                }
+            }
+            assert!(open > 100 && closed > 100, "{open} {closed}");
+        }
+        assert!(mask(2).unwrap().is_opaque(2, 0.3, 0.3), "a stem has no holes");
+        assert!(scene.describe().unwrap().opacity(GeometryId(0)).unwrap().is_some());
+        // A material of the geometry's own has no holes.
+        let painted = read_in(&folder, &text(", \"material\": \"red\"")).unwrap();
+        assert!(painted.geometries[0].opacity.is_none());
+        assert!(painted.geometries[2].opacity.is_some());
+    }
+    // What cannot be read is left out, with a note; one mesh does not read it.
+    std::fs::write(at("leaf.png"), b"none").unwrap();
+    let scene = read_in(&folder, &text("")).unwrap();
+    assert!(scene.geometries.iter().all(|own| own.opacity.is_none()));
+    assert!(scene.parts.notes.sentences().iter().any(|note| note.contains("leaf.png")));
+    let one = crate::obj::read_with(&at("leaf.obj"), &SceneOptions::default()).unwrap();
+    assert!(one.cutouts.is_empty() && one.notes.sentences().is_empty());
+}
+
+/// What is found for all groups at once is what is found for each.
+#[test]
+fn groups_are_found_by_all_their_names() {
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\ng a b\nf 1 2 3\no a\nf 1 2 3\ng b b c\nf 1 2 3\ng\nf 1 2 3\no x y\nf 1 2 3\ng c\ng a\nf 1 2 3\ng a b\nf 1 2 3\n";
+    let folder = folder();
+    let path = folder.path().join("many.obj");
+    std::fs::write(&path, text).unwrap();
+    let scene = crate::obj::read_with(&path, &SceneOptions::default()).unwrap();
+    let all = scene.triangles_by_group();
+    let names = ["a", "b", "c", "a b", "b b c", "x", "y", "x y", "default", "", "none"];
+    let mut found = 0;
+    for is_object in [false, true] {
+        for name in names {
+            let runs = all.get(&(is_object, name)).cloned().unwrap_or_default();
+            assert_eq!(runs, scene.triangles_of(is_object, name), "{is_object} {name}");
+            found += runs.len();
+        }
+    }
+    assert!(found > 8, "{found}");
+    assert!(all.keys().all(|(_, name)| names.contains(name)), "{:?}", all.keys());
+}
+
+/// What is built and saved can be looked at: the same geometries and instances, in grey.
+#[test]
+fn saved_scenes_are_read_as_they_were_built() {
+    use splitplane_core::backend::BuildOptions;
+    use splitplane_core::backend::scene::{HostScene, SceneAccelerator, write_file};
+    let folder = folder();
+    let scene = read_in(&folder, SHAPES).unwrap();
+    let build = &mut |_: &splitplane_core::mesh::Mesh<'_>, _: &BuildOptions<'_>| unreachable!();
+    let built = HostScene::build(&scene.describe().unwrap(), &BuildOptions::default(), build);
+    let path = folder.path().join("saved.scene");
+    std::fs::write(&path, write_file(built.unwrap().scene()).unwrap()).unwrap();
+    let again = InstancedScene::open(&path).unwrap();
+    let of = |scene: &InstancedScene| -> Vec<_> {
+        scene.geometries.iter().map(|own| own.solids.clone().unwrap().kind).collect()
+    };
+    assert_eq!(of(&again), of(&scene));
+    let at = |scene: &InstancedScene| -> Vec<_> {
+        scene.instances.iter().map(|own| (own.geometry, own.transform)).collect()
+    };
+    assert_eq!(at(&again), at(&scene));
+    let mut bytes = std::fs::read(&path).unwrap();
+    bytes[70] ^= 1;
+    std::fs::write(&path, bytes).unwrap();
+    let error = InstancedScene::open(&path).unwrap_err().to_string();
+    assert!(error.contains("saved.scene") && error.contains("checksum"), "{error}");
+    std::fs::remove_file(&path).unwrap();
+    assert!(InstancedScene::open(&path).unwrap_err().to_string().contains("no such file"));
 }
 
 /// Each change with the place and the words of its error.

@@ -12,9 +12,9 @@ use naga::Handle;
 use naga::ir::{AddressSpace, ArraySize, ScalarKind, Type, TypeInner};
 use splitplane_core::aabb::Aabb;
 use splitplane_core::layout::{
-    BatchUniform, CheckParameters, Chunk, ChunkBins, ChunkBounds, ChunkSides, Counters, Decision,
-    Extent, LargeNode, MiddleRoot, Parameters, Reference, SceneBatch, SceneUniform, Sides,
-    SmallRoot, TopNode, TriangleCount,
+    BatchUniform, CheckParameters, Chunk, ChunkBins, ChunkBounds, ChunkSides, Compress, Counters,
+    Decision, Extent, LargeNode, MiddleRoot, Parameters, Part, Reference, SceneBatch, SceneUniform,
+    Sides, SmallRoot, TopNode, TriangleCount,
 };
 use splitplane_core::ray::{Hit, Ray};
 use splitplane_core::tree::node::KdNode;
@@ -95,6 +95,15 @@ macro_rules! record {
 
 fn word(name: &'static str, offset: usize) -> Member {
     Member { name, offset, kinds: u32::kinds() }
+}
+
+/// The records of the node compressor.
+pub(crate) fn of_compressor() -> Vec<Record> {
+    vec![
+        record!(Part { lo first hi count }),
+        record!(Compress { slack zero batch_room part_room }),
+        record!(Aabb { lo hi }),
+    ]
 }
 
 /// The records of queries and of the self-test.

@@ -20,7 +20,7 @@ pub(crate) fn records() -> Vec<Record> {
             point offset geometric_normal material normal lights scattering flags light incoming
         }),
         record!(Spawned { shadow_rays next_paths }),
-        record!(FirstHit { normal depth triangle u v padding }),
+        record!(FirstHit { normal depth triangle u v instance }),
         record!(FirstCost { nodes triangles }),
         record!(Counters { words }),
         record!(Frame {

@@ -1,12 +1,13 @@
 //! Kernel sets with their shaders: what one test holds all of them to.
 
 use splitplane_core::kernel::{
-    Buffer, CheckBuffer, DeviceChecks, Grid, KernelSet, QueryBuffer, RayQueries, Slot, TreeBuilder,
+    Buffer, CheckBuffer, CompressBuffer, DeviceChecks, Grid, KernelSet, NodeCompressor,
+    QueryBuffer, RayQueries, Slot, TreeBuilder,
 };
 use splitplane_render::RayTracer;
 use splitplane_render::kernel as render_kernel;
 use splitplane_shaders::{
-    CHECKS, KERNELS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, Shader,
+    CHECKS, COMPRESS, KERNELS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, Shader,
 };
 
 use crate::bindings;
@@ -111,6 +112,17 @@ impl Shaders for RayQueries {
 
     fn records() -> Vec<Record> {
         records::of_queries()
+    }
+}
+
+impl Shaders for NodeCompressor {
+    const TABLE: &'static [Shader] = COMPRESS;
+    const FOLDER: &'static str = "compress";
+    const LAYOUT: &'static str = "compress_layout";
+    const SINGLES: &'static [CompressBuffer] = &[CompressBuffer::Counters];
+
+    fn records() -> Vec<Record> {
+        records::of_compressor()
     }
 }
 

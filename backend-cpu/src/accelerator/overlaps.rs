@@ -1,0 +1,94 @@
+//! Overlaps of a batch.
+
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use rayon::prelude::*;
+use splitplane_core::error::QueryError;
+use splitplane_core::query::closest_point::check_lengths;
+use splitplane_core::query::overlap::{OverlapOptions, Overlaps, Volume};
+use splitplane_core::report::QueryReport;
+use splitplane_core::watch::Stage;
+
+use super::CpuAccelerator;
+use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
+use crate::near::overlap::Overlapping;
+
+/// Volumes of one task.
+const TASK: usize = 64;
+
+impl CpuAccelerator {
+    /// The triangles that each volume meets.
+    pub(super) fn find_overlaps(
+        &self,
+        volumes: &[Volume<'_>],
+        options: &OverlapOptions<'_>,
+    ) -> Result<Overlaps, QueryError> {
+        let meter = &ProgressMeter::of(options.watch);
+        meter.begin_stage(Stage::Rays, volumes.len() as u64);
+        // What threads hold together counts against the limit.
+        let held = AtomicU64::new(0);
+        let parts = volumes.par_chunks(TASK).map(|volumes| {
+            let mut part = Overlaps::default();
+            for volume in volumes {
+                if meter.is_cancelled() {
+                    break;
+                }
+                let left = options.max_memory.map(|limit| limit.saturating_sub(held.load(Relaxed)));
+                let own = OverlapOptions { max_memory: left, ..*options };
+                let found = self.overlapping(volume, false, &own)?;
+                let before = part.bytes();
+                part.push(found, None)?;
+                held.fetch_add(part.bytes() - before, Relaxed);
+                meter.advance(1);
+                meter.record_work(WORK_BETWEEN_CHECKS);
+            }
+            Ok(part)
+        });
+        let parts: Vec<Result<Overlaps, QueryError>> = parts.collect();
+        meter.finish_stage();
+        meter.check_batch()?;
+        let mut all = Overlaps::default();
+        for part in parts {
+            all.append(part?, options.max_memory)?;
+        }
+        Ok(all)
+    }
+
+    /// Whether each volume meets any triangle.
+    pub(super) fn find_any_overlaps(
+        &self,
+        volumes: &[Volume<'_>],
+        found: &mut [bool],
+        options: &OverlapOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        let meter = &ProgressMeter::of(options.watch);
+        check_lengths(volumes.len(), found.len())?;
+        meter.begin_stage(Stage::Rays, volumes.len() as u64);
+        volumes.par_chunks(TASK).zip(found.par_chunks_mut(TASK)).try_for_each(
+            |(volumes, found)| {
+                for (volume, found) in volumes.iter().zip(found) {
+                    if meter.is_cancelled() {
+                        break;
+                    }
+                    *found = !self.overlapping(volume, true, options)?.is_empty();
+                    meter.advance(1);
+                    meter.record_work(WORK_BETWEEN_CHECKS);
+                }
+                Ok::<(), QueryError>(())
+            },
+        )?;
+        meter.finish_stage();
+        meter.check_batch().map(|()| QueryReport::default())
+    }
+
+    fn overlapping(
+        &self,
+        volume: &Volume<'_>,
+        any: bool,
+        options: &OverlapOptions<'_>,
+    ) -> Result<Vec<u32>, QueryError> {
+        let layout = &self.layout;
+        // SAFETY: `set` was detected on this processor, and the layout made for it.
+        unsafe { self.set.run(Overlapping { layout, volume, any, options }) }
+    }
+}

@@ -1,0 +1,5 @@
+//! Tests of what C sees, called as C calls it.
+
+mod answers;
+mod header;
+mod misuse;

@@ -1,0 +1,20 @@
+// How many surfaces each ray that `count_crossings` deferred crosses.
+// One invocation a ray; those beyond the list do nothing.
+// Reads: nodes, references, corners and scale of the scene; the rays of the batch; the deferred ones.
+// Writes: the counts of the deferred rays, as `count_crossings` does; none is deferred again.
+// Ties: none; a triangle counts once, in however many leaves it lies.
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) workgroup: vec3<u32>,
+    @builtin(num_workgroups) workgroups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let place = ray_index(workgroup, workgroups, local);
+    if place >= deferred_count() {
+        return;
+    }
+    let index = deferred_rays[1u + place];
+    begin_count(index);
+    end_count(index, trace_ray(batch_ray(index), QueryOptions(batch.culling, batch.ignore), false));
+}

@@ -1,0 +1,634 @@
+//! Scenes whose trees are built when the first ray needs them: model only what is looked at.
+
+use splitplane_core::aabb::Aabb;
+use splitplane_core::backend::scene::{
+    Asked, BuiltScene, SceneAccelerator, SceneAllHits, SceneAllHitsOptions, SceneClosestPoint,
+    SceneClosestPointOptions, SceneWriteError, write_file,
+};
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
+use splitplane_core::error::QueryError;
+use splitplane_core::mesh::Mesh;
+use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
+use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions};
+use splitplane_core::query::inside::{LocateOptions, Located};
+use splitplane_core::query::overlap::{OverlapOptions, Overlaps, Volume};
+use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::report::{BuildSummary, QueryReport};
+use splitplane_core::scene::{
+    GeometryId, GeometryMesh, Instance, InstanceId, ObjectSpace, Placement, Scene, SceneBuildError,
+    SceneError, SceneHit, SceneOptions, SceneReport, TopRay, TopStack, TopTree, WIDEST_STACK,
+    WorldBox,
+};
+use splitplane_core::tree::KdTree;
+use splitplane_core::triangle::{Prepared, prepare};
+use splitplane_core::watch::Watch;
+use std::any::Any;
+use std::collections::BTreeSet;
+use std::sync::{Arc, Mutex, PoisonError};
+use thiserror::Error;
+
+/// Why a scene that is built as it is looked at gave no answer.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum LazyError {
+    /// A geometry that rays reach was not built: the error names it. It stays unbuilt, what was built before stays, and the next
+    /// query that reaches it tries again.
+    #[error("not built when rays reached it: {0}")]
+    Build(#[from] SceneBuildError),
+    /// The query itself.
+    #[error(transparent)]
+    Query(#[from] QueryError),
+    /// The bytes of a file.
+    #[error(transparent)]
+    Write(#[from] SceneWriteError),
+}
+
+/// A scene of which a geometry's tree is built when the first ray reaches the box of an instance of it, and nothing that is built hides it.
+///
+/// Answers are those of [`Backend::build_scene`], bit for bit, in accuracies watertight and exact: what is not built does not lie before
+/// a ray's answer. How many are built can depend on which rays come first; answers cannot.
+///
+/// Queries may come from many threads at once, also from tasks of a pool that the backend itself works in: nobody waits for another. Where two threads
+/// reach a geometry at the same time both may build it, and one tree is kept. A query is answered by what was built when it began, or by
+/// itself since.
+///
+/// A step that builds also looks once at what is built already, and makes the trees over instances and over shapes anew. So ask with many rays at once.
+/// Limits of memory hold for the whole scene, as for one that is built at once. A query's watch is called while it builds, and may cancel that. All queries
+/// have an error for a geometry that is not built: [`LazyError::Build`].
+///
+/// ```
+/// # #[cfg(feature = "cpu")] {
+/// use splitplane::objects::{Instance, LazyScene, Scene, SceneOptions, translation};
+/// use splitplane::{BuildOptions, CpuBackend, Mesh, Ray};
+/// use std::sync::Arc;
+///
+/// let triangle = [[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]];
+/// let mut scene = Scene::new();
+/// for x in [0.0, 10.0] {
+///     let geometry = scene.add_mesh(&Mesh::soup(&triangle).unwrap()).unwrap();
+///     scene.add_instance(Instance::new(geometry, translation([x, 0.0, 0.0]))).unwrap();
+/// }
+/// let options = BuildOptions::default();
+/// let lazy = LazyScene::new(Arc::new(CpuBackend::new()), &scene, &options).unwrap();
+/// let ray = Ray::new([0.2, 0.2, 5.0], [0.0, 0.0, -1.0]);
+/// let hit = lazy.closest_hit(&ray, &SceneOptions::default()).unwrap();
+/// assert_eq!(hit.map(|hit| hit.geometry), Some(0));
+/// assert_eq!((lazy.built(), lazy.waiting()), (1, 1));
+/// # }
+/// ```
+pub struct LazyScene {
+    backend: Arc<dyn Backend>,
+    options: BuildOptions<'static>,
+    /// The description, which shares its arrays with the user's.
+    scene: Scene,
+    /// A description of one empty mesh, which stands for all that is not built.
+    nothing: Scene,
+    /// Never held while anything is built or asked.
+    current: Mutex<Arc<State>>,
+}
+
+/// What is built, and what is not. It does not change; another one takes its place.
+struct State {
+    /// Over the description in which what is not built is empty.
+    accelerator: Box<dyn SceneAccelerator>,
+    /// By geometry, what answers its rays; `None` for shapes, and for what is not built.
+    trees: Vec<Option<Arc<dyn Accelerator>>>,
+    /// By geometry: whether it is not built.
+    waiting: Vec<bool>,
+    reach: Reach,
+    /// Geometries that were built, the empty ones not counted.
+    builds: u64,
+}
+
+/// A geometry's accelerator, which several states have.
+struct Shared(Arc<dyn Accelerator>);
+
+impl Accelerator for Shared {
+    fn tree(&self) -> &KdTree {
+        self.0.tree()
+    }
+
+    fn summary(&self) -> &BuildSummary {
+        self.0.summary()
+    }
+
+    fn query_bytes(&self) -> u64 {
+        self.0.query_bytes()
+    }
+
+    fn as_any(&self) -> Option<&dyn Any> {
+        self.0.as_any()
+    }
+
+    fn closest_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> Option<Hit> {
+        self.0.closest_hit(ray, options)
+    }
+
+    fn any_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> bool {
+        self.0.any_hit(ray, options)
+    }
+
+    fn closest_hits(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        options: &QueryOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.0.closest_hits(rays, hits, options)
+    }
+
+    fn any_hits(
+        &self,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.0.any_hits(rays, occluded, options)
+    }
+
+    fn all_hits(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> Result<AllHits, QueryError> {
+        self.0.all_hits(rays, options)
+    }
+
+    fn locate(
+        &self,
+        points: &[[f32; 3]],
+        options: &LocateOptions<'_>,
+    ) -> Result<Located, QueryError> {
+        self.0.locate(points, options)
+    }
+
+    fn closest_points(
+        &self,
+        points: &[[f32; 3]],
+        closest: &mut [ClosestPoint],
+        options: &ClosestPointOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.0.closest_points(points, closest, options)
+    }
+
+    fn overlaps(
+        &self,
+        volumes: &[Volume<'_>],
+        options: &OverlapOptions<'_>,
+    ) -> Result<Overlaps, QueryError> {
+        self.0.overlaps(volumes, options)
+    }
+
+    fn overlaps_any(
+        &self,
+        volumes: &[Volume<'_>],
+        found: &mut [bool],
+        options: &OverlapOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.0.overlaps_any(volumes, found, options)
+    }
+}
+
+/// The instances of what is not built.
+#[derive(Default)]
+struct Reach {
+    /// By instance.
+    placements: Vec<Option<Placement>>,
+    top: TopTree,
+}
+
+impl core::fmt::Debug for LazyScene {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("LazyScene")
+            .field("built", &self.built())
+            .field("waiting", &self.waiting())
+            .finish_non_exhaustive()
+    }
+}
+
+impl LazyScene {
+    /// A scene of which nothing is built but the tree over instances. The arrays of the description are shared, not copied; its later edits
+    /// are taken over by [`LazyScene::update`]. A watch in the options is not kept.
+    ///
+    /// # Errors
+    /// Shapes that the backend does not answer, or no memory.
+    pub fn new(
+        backend: Arc<dyn Backend>,
+        scene: &Scene,
+        options: &BuildOptions<'_>,
+    ) -> Result<LazyScene, SceneBuildError> {
+        let mut nothing = Scene::new();
+        let empty: [[[f32; 3]; 3]; 0] = [];
+        nothing.add_mesh(&Mesh::soup(&empty).map_err(|_| no_memory())?)?;
+        let options = options.unwatched();
+        let accelerator = backend.build_scene(&Scene::new(), &options)?;
+        let (trees, waiting, reach, builds) = (Vec::new(), Vec::new(), Reach::default(), 0);
+        let current = Mutex::new(Arc::new(State { accelerator, trees, waiting, reach, builds }));
+        let mut lazy = LazyScene { backend, options, scene: Scene::new(), nothing, current };
+        lazy.update(scene)?;
+        Ok(lazy)
+    }
+
+    /// Brings the scene up to date with a description. What is built over arrays that are still those of a geometry stays built; new ones wait
+    /// for rays.
+    ///
+    /// # Errors
+    /// As for [`LazyScene::new`]; the scene is then what it was.
+    pub fn update(&mut self, scene: &Scene) -> Result<(), SceneBuildError> {
+        self.backend.check_shapes(scene)?;
+        let mirror = shared(scene, scene, |_| false)?;
+        let state = self.state();
+        let is_built = |name: GeometryId, mesh: &Arc<GeometryMesh>| {
+            let same = self.scene.geometry(name).is_ok_and(|own| Arc::ptr_eq(own, mesh));
+            same && state.waiting.get(name.0 as usize) == Some(&false)
+        };
+        let mut waiting = vec![false; mirror.geometry_names()];
+        for (name, mesh) in mirror.geometries() {
+            waiting[name.0 as usize] = !is_built(name, mesh);
+        }
+        let mut trees = state.trees.clone();
+        trees.resize(waiting.len(), None);
+        for (tree, _) in trees.iter_mut().zip(&waiting).filter(|(_, waits)| **waits) {
+            *tree = None;
+        }
+        let described = (&mirror, &self.nothing);
+        let next =
+            State::new(&*self.backend, described, (waiting, trees), state.builds, &self.options)?;
+        self.scene = mirror;
+        *self.current.get_mut().unwrap_or_else(PoisonError::into_inner) = Arc::new(next);
+        Ok(())
+    }
+
+    /// Geometries that are built.
+    pub fn built(&self) -> usize {
+        self.state().waiting_of(&self.scene).filter(|waiting| !waiting).count()
+    }
+
+    /// Geometries that no ray has reached.
+    pub fn waiting(&self) -> usize {
+        self.state().waiting_of(&self.scene).filter(|waiting| *waiting).count()
+    }
+
+    /// How often a geometry was built so far.
+    pub fn builds(&self) -> u64 {
+        self.state().builds
+    }
+
+    /// Bytes that are held for queries.
+    pub fn bytes(&self) -> u64 {
+        self.state().accelerator.scene().bytes()
+    }
+
+    /// Looks at what is built. Geometries that wait are empty there.
+    pub fn look<R>(&self, look: impl FnOnce(&BuiltScene) -> R) -> R {
+        look(self.state().accelerator.scene())
+    }
+
+    /// Builds all that waits.
+    ///
+    /// # Errors
+    /// [`LazyError::Build`].
+    pub fn complete(&self, watch: Option<&dyn Watch>) -> Result<(), LazyError> {
+        let all = self.scene.geometries().map(|(name, _)| name).collect();
+        self.build(&all, watch).map(drop)
+    }
+
+    /// Builds all that waits, and gives the bytes of a scene file: those of the scene built at once.
+    ///
+    /// # Errors
+    /// [`LazyError::Build`] and [`LazyError::Write`].
+    pub fn save(&self, watch: Option<&dyn Watch>) -> Result<Vec<u8>, LazyError> {
+        self.complete(watch)?;
+        Ok(write_file(self.state().accelerator.scene())?)
+    }
+
+    /// The closest hit of a ray.
+    ///
+    /// # Errors
+    /// As for [`LazyScene::closest_hits`].
+    pub fn closest_hit(
+        &self,
+        ray: &Ray,
+        options: &SceneOptions<'_>,
+    ) -> Result<Option<SceneHit>, LazyError> {
+        let mut hit = [SceneHit::MISS];
+        self.closest_hits(core::slice::from_ref(ray), &mut hit, options)?;
+        let [hit] = hit;
+        Ok(hit.some())
+    }
+
+    /// The hit of least (t, instance, triangle) of every ray: see [`SceneAccelerator::closest_hits`]. Rays that reach what is not
+    /// built are traced again when it is; the report counts them as often. After an error `hits` must not be used.
+    ///
+    /// # Errors
+    /// [`LazyError::Build`], and those of the query.
+    pub fn closest_hits(
+        &self,
+        rays: &[Ray],
+        hits: &mut [SceneHit],
+        options: &SceneOptions<'_>,
+    ) -> Result<SceneReport, LazyError> {
+        let ask = |scene: &dyn SceneAccelerator, rays: &[Ray], hits: &mut [SceneHit]| {
+            scene.closest_hits(rays, hits, options)
+        };
+        self.answer(rays, hits, SceneHit::MISS, options, ask, |hit| hit.t)
+    }
+
+    /// For every ray, whether it hits anything: see [`SceneAccelerator::any_hits`]. After an error `occluded` must not be used.
+    ///
+    /// # Errors
+    /// As for [`LazyScene::closest_hits`].
+    pub fn any_hits(
+        &self,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &SceneOptions<'_>,
+    ) -> Result<SceneReport, LazyError> {
+        let ask = |scene: &dyn SceneAccelerator, rays: &[Ray], occluded: &mut [bool]| {
+            scene.any_hits(rays, occluded, options)
+        };
+        // A ray that is stopped reaches nothing more.
+        let limit = |&occluded: &bool| if occluded { f32::NEG_INFINITY } else { f32::INFINITY };
+        self.answer(rays, occluded, false, options, ask, limit)
+    }
+
+    /// All crossings of every ray: see [`SceneAccelerator::all_hits`]. Builds what the rays reach on their whole ways.
+    ///
+    /// # Errors
+    /// As for [`LazyScene::closest_hits`].
+    pub fn all_hits(
+        &self,
+        rays: &[Ray],
+        options: &SceneAllHitsOptions<'_>,
+    ) -> Result<SceneAllHits, LazyError> {
+        let reached = {
+            let state = self.state();
+            let mut reached = BTreeSet::new();
+            for ray in rays {
+                state.reach.walk(ray, f32::INFINITY, &options.query, |geometry| {
+                    reached.insert(geometry);
+                    true
+                });
+            }
+            reached
+        };
+        Ok(self.build(&reached, options.query.watch)?.accelerator.all_hits(rays, options)?)
+    }
+
+    /// How often surfaces wind around each point: see [`SceneAccelerator::locate`]. Builds everything: points have no way that could
+    /// reach a part of it.
+    ///
+    /// # Errors
+    /// As for [`LazyScene::closest_hits`].
+    pub fn locate(
+        &self,
+        points: &[[f32; 3]],
+        options: &LocateOptions<'_>,
+    ) -> Result<Located, LazyError> {
+        self.complete(options.watch)?;
+        Ok(self.state().accelerator.locate(points, options)?)
+    }
+
+    /// The closest point of the scene to each point: see [`SceneAccelerator::closest_points`]. Builds everything.
+    ///
+    /// # Errors
+    /// As for [`LazyScene::closest_hits`].
+    pub fn closest_points(
+        &self,
+        points: &[[f32; 3]],
+        closest: &mut [SceneClosestPoint],
+        options: &SceneClosestPointOptions<'_>,
+    ) -> Result<QueryReport, LazyError> {
+        self.complete(options.watch)?;
+        Ok(self.state().accelerator.closest_points(points, closest, options)?)
+    }
+
+    /// Asks what is built; then builds the first that each ray reaches before its answer, and asks those rays again, until none reaches
+    /// anything that waits. `limit` is where a ray with such an answer ends.
+    fn answer<T: Clone>(
+        &self,
+        rays: &[Ray],
+        answers: &mut [T],
+        none: T,
+        options: &SceneOptions<'_>,
+        ask: impl Fn(&dyn SceneAccelerator, &[Ray], &mut [T]) -> Result<SceneReport, QueryError>,
+        limit: impl Fn(&T) -> f32,
+    ) -> Result<SceneReport, LazyError> {
+        let mut state = self.state();
+        let mut report = ask(&*state.accelerator, rays, answers)?;
+        let mut open: Vec<usize> = (0..rays.len()).collect();
+        let (mut again, mut found) = (Vec::new(), Vec::new());
+        loop {
+            // By the state that gave the answers: another thread may have built since.
+            let mut reached = BTreeSet::new();
+            open.retain(|&place| {
+                let mut first = None;
+                state.reach.walk(&rays[place], limit(&answers[place]), options, |geometry| {
+                    first = Some(geometry);
+                    false
+                });
+                reached.extend(first);
+                first.is_some()
+            });
+            if open.is_empty() {
+                return Ok(report);
+            }
+            state = self.build(&reached, options.watch)?;
+            again.clear();
+            again.extend(open.iter().map(|&place| rays[place]));
+            found.clear();
+            found.resize(open.len(), none.clone());
+            report.add(ask(&*state.accelerator, &again, &mut found)?)?;
+            for (&place, found) in open.iter().zip(&found) {
+                answers[place] = found.clone();
+            }
+        }
+    }
+
+    /// Builds those of these geometries that wait, and gives a state in which none of them does.
+    fn build(
+        &self,
+        names: &BTreeSet<GeometryId>,
+        watch: Option<&dyn Watch>,
+    ) -> Result<Arc<State>, LazyError> {
+        let options = BuildOptions { watch, ..self.options };
+        // What this call has built, should others be faster.
+        let mut built: Vec<(GeometryId, Arc<dyn Accelerator>)> = Vec::new();
+        loop {
+            let base = self.state();
+            let (mut waiting, mut trees) = (base.waiting.clone(), base.trees.clone());
+            let mut builds = base.builds;
+            for name in names {
+                let at = name.0 as usize;
+                if let Some(waits) = waiting.get_mut(at).filter(|waits| **waits) {
+                    *waits = false;
+                    builds += 1;
+                    let own = built.iter().find(|(own, _)| own == name);
+                    trees[at] = own.map(|(_, tree)| Arc::clone(tree));
+                }
+            }
+            if builds == base.builds {
+                return Ok(base);
+            }
+            let described = (&self.scene, &self.nothing);
+            let next = State::new(&*self.backend, described, (waiting, trees), builds, &options)?;
+            built.clear();
+            built.extend(names.iter().filter_map(|name| {
+                let tree = next.trees.get(name.0 as usize)?.as_ref()?;
+                Some((*name, Arc::clone(tree)))
+            }));
+            let mut current = self.current.lock().unwrap_or_else(PoisonError::into_inner);
+            if Arc::ptr_eq(&current, &base) {
+                *current = Arc::new(next);
+                return Ok(Arc::clone(&current));
+            }
+        }
+    }
+
+    /// What is built now.
+    fn state(&self) -> Arc<State> {
+        Arc::clone(&self.current.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+impl State {
+    /// A state in which all is built that does not wait: by what there is of `trees`, and anew for the rest.
+    fn new(
+        backend: &dyn Backend,
+        (scene, nothing): (&Scene, &Scene),
+        (waiting, mut trees): (Vec<bool>, Vec<Option<Arc<dyn Accelerator>>>),
+        builds: u64,
+        options: &BuildOptions<'_>,
+    ) -> Result<State, SceneBuildError> {
+        let waits = |name: GeometryId| waiting.get(name.0 as usize) == Some(&true);
+        let present = shared(scene, nothing, waits)?;
+        let reach = Reach::of(scene, waits)?;
+        let mut accelerator = backend.build_scene(&Scene::new(), &options.unwatched())?;
+        // Geometries are asked for in the order of their names; shapes are not asked for.
+        let meshes = present.geometries().filter(|(_, mesh)| mesh.shapes().is_none());
+        let mut names = meshes.map(|(name, _)| name);
+        accelerator.update_by(&present, options, &mut |mesh, options| {
+            let place = names.next().filter(|name| !waits(*name)).map(|name| name.0 as usize);
+            let Some(kept) = place.and_then(|place| trees.get_mut(place)) else {
+                return backend.build(mesh, options);
+            };
+            let own = match kept {
+                Some(own) => Arc::clone(own),
+                None => Arc::clone(kept.insert(Arc::from(backend.build(mesh, options)?))),
+            };
+            Ok(Box::new(Shared(own)))
+        })?;
+        Ok(State { accelerator, trees, waiting, reach, builds })
+    }
+
+    /// Of each geometry of the description whether it waits.
+    fn waiting_of<'a>(&'a self, scene: &'a Scene) -> impl Iterator<Item = bool> + 'a {
+        let waits = |name: GeometryId| self.waiting.get(name.0 as usize) == Some(&true);
+        scene.geometries().map(move |(name, _)| waits(name))
+    }
+}
+
+impl Reach {
+    /// The instances of those geometries that wait.
+    fn of(scene: &Scene, waits: impl Fn(GeometryId) -> bool) -> Result<Reach, SceneBuildError> {
+        let bounds: Vec<Option<Aabb>> = {
+            let mut bounds = vec![None; scene.geometry_names()];
+            for (name, mesh) in scene.geometries().filter(|(name, _)| waits(*name)) {
+                bounds[name.0 as usize] = Some(bounds_of(mesh));
+            }
+            bounds
+        };
+        let mut placements: Vec<Option<Placement>> = vec![None; scene.instance_names()];
+        let mut boxes: Vec<(u32, WorldBox)> = Vec::new();
+        for (name, instance) in scene.instances() {
+            let geometry = instance.geometry;
+            let Some(bounds) = bounds[geometry.0 as usize] else { continue };
+            // Checked when it was edited.
+            let Some(space) = ObjectSpace::new(&instance.transform) else { continue };
+            let has_shapes = scene.geometry(geometry).is_ok_and(|mesh| mesh.shapes().is_some());
+            let placement = match has_shapes {
+                true => Placement::of_shapes(instance, space, &bounds),
+                false => Placement::new(instance, space, &bounds, None),
+            };
+            boxes.extend(placement.world_box.map(|own| (name.0, own)));
+            placements[name.0 as usize] = Some(placement);
+        }
+        let top = TopTree::build(placements.len(), boxes.into_iter()).ok_or_else(no_memory)?;
+        Ok(Reach { placements, top })
+    }
+
+    /// Shows the geometries that wait and that a ray reaches before `limit`, the nearest boxes first, as long as `show` wants more.
+    fn walk(
+        &self,
+        ray: &Ray,
+        limit: f32,
+        options: &SceneOptions<'_>,
+        mut show: impl FnMut(GeometryId) -> bool,
+    ) {
+        let Some(ready) = TopRay::new(ray) else { return };
+        let mut stack: [TopStack; WIDEST_STACK] = [(0.0, 0); WIDEST_STACK];
+        let mut top = self.top.begin(&mut stack);
+        if limit == f32::NEG_INFINITY {
+            return;
+        }
+        let t_max = ray.t_max.min(limit);
+        while t_max >= ray.t_min
+            && let Some(name) = self.top.next(&ready, t_max, &mut stack, &mut top)
+        {
+            let Some(Some(placement)) = self.placements.get(name as usize) else { continue };
+            let answers = Asked::of(InstanceId(name), placement, options).is_some();
+            if answers && !show(placement.instance.geometry) {
+                return;
+            }
+        }
+    }
+}
+
+/// The box of all that rays can meet, in the object's space.
+fn bounds_of(mesh: &GeometryMesh) -> Aabb {
+    if let Some(shapes) = mesh.shapes() {
+        let all = (0..shapes.len() as u32).filter_map(|primitive| shapes.bounds(primitive));
+        return all.fold(Aabb::EMPTY, |bounds, own| bounds.union(&own));
+    }
+    let mesh = mesh.mesh();
+    (0..mesh.len()).fold(Aabb::EMPTY, |bounds, triangle| {
+        let Prepared { corners, kept, .. } = prepare(&mesh.triangle(triangle));
+        if kept { bounds.union(&Aabb::of_points(&corners)) } else { bounds }
+    })
+}
+
+/// A description with the same names, which shares arrays with `scene`; geometries that `is_left_out` names are the first of `nothing`.
+fn shared(
+    scene: &Scene,
+    nothing: &Scene,
+    is_left_out: impl Fn(GeometryId) -> bool,
+) -> Result<Scene, SceneError> {
+    let mut own = Scene::new();
+    let empty: [[[f32; 3]; 3]; 0] = [];
+    let mesh = Mesh::soup(&empty).map_err(|_| SceneError::OutOfMemory { bytes: 0 })?;
+    // Names are given in order; what is not there is taken out again.
+    for name in (0..scene.geometry_names() as u32).map(GeometryId) {
+        own.add_mesh(&mesh)?;
+        if scene.geometry(name).is_ok() {
+            match is_left_out(name) {
+                true => own.share_geometry(name, nothing, GeometryId(0))?,
+                false => own.share_geometry(name, scene, name)?,
+            }
+        }
+    }
+    let free = |name: &InstanceId| scene.instance(*name).is_err();
+    let names = || (0..scene.instance_names() as u32).map(InstanceId);
+    for name in names() {
+        let stand_in = || Instance::in_place(GeometryId(0));
+        own.add_instance(scene.instance(name).map_or_else(|_| stand_in(), |there| *there))?;
+    }
+    for name in names().filter(free) {
+        own.remove_instance(name)?;
+    }
+    for name in (0..scene.geometry_names() as u32).map(GeometryId) {
+        if scene.geometry(name).is_err() {
+            own.remove_geometry(name)?;
+        }
+    }
+    Ok(own)
+}
+
+fn no_memory() -> SceneBuildError {
+    SceneBuildError::OutOfMemory { needed: 0, limit: 0 }
+}

@@ -1,0 +1,228 @@
+/**
+ * Ray queries on triangle meshes and scenes of instances of them, by SAH kd-trees in WebAssembly. Equal input gives an equal tree and equal
+ * answers, bit for bit, here and in the Rust library.
+ *
+ * Rays are 8 floats: origin (3), `tMin`, direction (3), `tMax`. The direction may have any length but 0; `t` is in units of it. Both limits
+ * are included. A ray with a number that is not finite (limits may be infinite) or without direction hits nothing.
+ */
+
+/** What kind of error it is; `CODES` lists them with their meanings. */
+export type Code =
+    | "not-ready" | "type" | "shape" | "config" | "mesh" | "freed" | "cancelled" | "out-of-memory" | "wrong-mesh"
+    | "file" | "unknown" | "stale" | "scene" | "build" | "query" | "crashed";
+
+/** Every error that the package throws by itself. `message` is the library's text; after an abort `cause` is the signal's reason. */
+export class SplitplaneError extends Error {
+    readonly code: Code;
+}
+export const CODES: readonly Code[];
+
+/**
+ * Loads the compiled part; await it before all else. Safe to call again. `source` is where it is, if not beside the package: a URL, a
+ * response, its bytes, or the compiled module.
+ */
+export function init(source?: string | URL | Request | Response | Promise<Response> | BufferSource | WebAssembly.Module): Promise<void>;
+/** Whether `init` has ended well, and the compiled part is alive. */
+export function isReady(): boolean;
+/** The package's version, and the instruction set of its queries: `simd128` or `portable`. */
+export function about(): { version: string; instructionSet: string };
+
+export type Accuracy = "fast" | "watertight" | "exact";
+export type Culling = "none" | "back" | "front";
+export const ACCURACIES: readonly Accuracy[];
+export const CULLINGS: readonly Culling[];
+/** The `triangle` of a ray that hits nothing: 2^32 - 1. Its `t` is infinite. */
+export const NONE: number;
+
+/** Words of 32 bits in the memory of the compiled part. What is there need not be copied to be asked about. Free it after use. */
+export class WasmArray {
+    /** So many words, all 0. */
+    constructor(length: number);
+    readonly length: number;
+    /** A view as floats. A view ends when the module's memory grows: read this property again after every call that makes something. */
+    readonly floats: Float32Array;
+    readonly words: Uint32Array;
+    readonly bytes: Uint8Array;
+    free(): void;
+    [Symbol.dispose](): void;
+}
+
+export interface Watched {
+    /** Called now and then with what is being done, how much of it is, and how much there is (0: not known). `false` ends the work. */
+    progress?: (stage: string, done: number, total: number) => boolean | void;
+    /**
+     * Ends the work with code `cancelled`. A call that is not asynchronous keeps the event loop waiting: then only a signal that is aborted
+     * before, or by `progress`, is seen.
+     */
+    signal?: AbortSignal;
+}
+
+export interface BuildOptions extends Watched {
+    /** Speed of building against speed of queries; `fast` if left out, as in the Rust library. */
+    preset?: "fast" | "narrow" | "balanced" | "best";
+    /** `compact` takes a third to a half of the memory, and queries are slower. Answers are equal. */
+    layout?: "fast" | "compact";
+    /** Most bytes that the build may hold. */
+    maxMemory?: number;
+}
+
+export interface QueryOptions extends Watched {
+    /** `watertight` if left out. */
+    accuracy?: Accuracy;
+    /** Which side of triangles is ignored. */
+    culling?: Culling;
+    /** A triangle that is ignored. */
+    ignore?: number;
+}
+
+/** Where the answers go instead of into new arrays; see each query for how many words it takes. */
+export interface Into {
+    into: WasmArray;
+}
+
+/** The closest hit of each ray. The point is `(1 - u - v) a + u b + v c` of the triangle's corners. */
+export interface Hits {
+    t: Float32Array;
+    triangle: Uint32Array;
+    u: Float32Array;
+    v: Float32Array;
+}
+
+export interface Hit {
+    t: number;
+    triangle: number;
+    u: number;
+    v: number;
+}
+
+/** All crossings of rays with surfaces, in order along each ray; those of ray `i` are numbers `starts[i]` to `starts[i + 1] - 1`. */
+export interface AllHits extends Hits {
+    starts: Uint32Array;
+    /** 1 where the ray comes from the front: where the corners run counter-clockwise. */
+    front: Uint8Array;
+}
+
+export interface Windings {
+    /** How often the surface winds around each point: 0 outside. */
+    winding: Int32Array;
+    /** 1 for points on the surface. */
+    boundary: Uint8Array;
+}
+
+export interface ClosestPoints {
+    /** Infinite where there is none. */
+    distance: Float64Array;
+    /** Three floats each. */
+    point: Float32Array;
+    triangle: Uint32Array;
+    u: Float32Array;
+    v: Float32Array;
+}
+
+export interface ClosestPointOptions extends Watched {
+    /** Points farther away are not looked for. */
+    maxDistance?: number;
+    ignore?: number;
+}
+
+export interface LocateOptions extends Watched {
+    maxMemory?: number;
+}
+
+type Floats = Float32Array | WasmArray;
+type Indices = Uint32Array | WasmArray | null;
+type Vector = ArrayLike<number>;
+
+/** A tree over a mesh. It has its own copy of all it needs. Free it after use. */
+export class Tree {
+    private constructor();
+    /** `positions`: three floats a vertex. `indices`: three a triangle; without them every nine floats are a triangle. */
+    static build(positions: Floats, indices?: Indices, options?: BuildOptions): Tree;
+    /**
+     * The same after the event loop has had a turn. The build itself is in one piece: it ends early by `progress` only, and to keep a page
+     * alive meanwhile it belongs in a Worker, whose `terminate()` ends it at any time.
+     */
+    static buildAsync(positions: Floats, indices?: Indices, options?: BuildOptions): Promise<Tree>;
+    /** A tree of the bytes that `toBytes` gave, over the same mesh. The bytes are checked and need not be trusted. */
+    static load(bytes: Uint8Array, positions: Floats, indices?: Indices, options?: BuildOptions): Tree;
+    /** Builds it again over other arrays, in the memory that it has. After an error it is what it was. */
+    rebuild(positions: Floats, indices?: Indices, options?: BuildOptions): void;
+    /** A tree file. The mesh is that of the build. */
+    toBytes(positions: Floats, indices?: Indices): Uint8Array;
+    /** Names the tree: 16 hexadecimal digits, the same on every machine. */
+    readonly digest: string;
+    readonly summary: {
+        triangles: number; dropped: number; snapped: number; peakBytes: number; queryBytes: number; nodes: number; references: number;
+    };
+    readonly bounds: { min: Float32Array; max: Float32Array };
+
+    /** `into`: 4 words a ray, t, triangle, u and v. */
+    closestHits(rays: Floats, options?: QueryOptions): Hits;
+    closestHits(rays: Floats, options: QueryOptions & Into): WasmArray;
+    /** In slices of about 8 ms, with the event loop in between. */
+    closestHitsAsync(rays: Floats, options?: QueryOptions): Promise<Hits>;
+    closestHitsAsync(rays: Floats, options: QueryOptions & Into): Promise<WasmArray>;
+    /** 1 for each ray that hits anything. `into`: a byte a ray. */
+    anyHits(rays: Floats, options?: QueryOptions): Uint8Array;
+    anyHits(rays: Floats, options: QueryOptions & Into): WasmArray;
+    anyHitsAsync(rays: Floats, options?: QueryOptions): Promise<Uint8Array>;
+    anyHitsAsync(rays: Floats, options: QueryOptions & Into): Promise<WasmArray>;
+    /** Exact: each crossing of a surface once, also through edges. */
+    allHits(rays: Floats, options?: Omit<QueryOptions, "accuracy"> & { maxMemory?: number }): AllHits;
+    /** The closest hit of one ray, or `null`. */
+    closestHit(origin: Vector, direction: Vector, options?: Omit<QueryOptions, keyof Watched> & { tMin?: number; tMax?: number }): Hit | null;
+    anyHit(origin: Vector, direction: Vector, options?: Omit<QueryOptions, keyof Watched> & { tMin?: number; tMax?: number }): boolean;
+    /** How often the surface winds around each point, exactly. `into`: 2 words a point. */
+    windings(points: Floats, options?: LocateOptions): Windings;
+    windings(points: Floats, options: LocateOptions & Into): WasmArray;
+    windingsAsync(points: Floats, options?: LocateOptions): Promise<Windings>;
+    windingsAsync(points: Floats, options: LocateOptions & Into): Promise<WasmArray>;
+    /** 1 for each point inside or on a closed surface. */
+    contains(points: Floats, options?: LocateOptions): Uint8Array;
+    /** `into`: 8 words a point, the squared distance (a double), x, y, z, triangle, u, v. */
+    closestPoints(points: Floats, options?: ClosestPointOptions): ClosestPoints;
+    closestPoints(points: Floats, options: ClosestPointOptions & Into): WasmArray;
+    closestPointsAsync(points: Floats, options?: ClosestPointOptions): Promise<ClosestPoints>;
+    closestPointsAsync(points: Floats, options: ClosestPointOptions & Into): Promise<WasmArray>;
+    free(): void;
+}
+
+export interface SceneHits extends Hits {
+    geometry: Uint32Array;
+    instance: Uint32Array;
+}
+
+export interface SceneQueryOptions extends Watched {
+    accuracy?: Accuracy;
+    /** As seen in the world. */
+    culling?: Culling;
+    /** Instances answer when a bit of theirs is in it. */
+    mask?: number;
+    ignore?: { instance: number; triangle: number };
+}
+
+/** Meshes and instances of them. Edit it, `update` it, ask it. Free it after use. */
+export class Scene {
+    constructor();
+    /** A copy of a mesh; its name. */
+    addGeometry(positions: Floats, indices?: Indices): number;
+    /** One without instances. */
+    removeGeometry(geometry: number): void;
+    /** `matrix`: from the object to the world; 12 numbers by rows, or 16 by columns as in three.js. Its name. */
+    addInstance(geometry: number, matrix: ArrayLike<number>, options?: { mask?: number; culling?: Culling }): number;
+    moveInstance(instance: number, matrix: ArrayLike<number>): void;
+    removeInstance(instance: number): void;
+    /** Builds what changed. */
+    update(options?: BuildOptions): void;
+    readonly digest: string;
+    /** `into`: 6 words a ray, t, u, v, triangle, geometry and instance. */
+    closestHits(rays: Floats, options?: SceneQueryOptions): SceneHits;
+    closestHits(rays: Floats, options: SceneQueryOptions & Into): WasmArray;
+    closestHitsAsync(rays: Floats, options?: SceneQueryOptions): Promise<SceneHits>;
+    closestHitsAsync(rays: Floats, options: SceneQueryOptions & Into): Promise<WasmArray>;
+    anyHits(rays: Floats, options?: SceneQueryOptions): Uint8Array;
+    anyHits(rays: Floats, options: SceneQueryOptions & Into): WasmArray;
+    anyHitsAsync(rays: Floats, options?: SceneQueryOptions): Promise<Uint8Array>;
+    anyHitsAsync(rays: Floats, options: SceneQueryOptions & Into): Promise<WasmArray>;
+    free(): void;
+}

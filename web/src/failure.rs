@@ -1,0 +1,107 @@
+//! Errors of the library as exceptions with a code, and the library's texts.
+
+use splitplane::core::tree::file::FileError;
+use splitplane::objects::{SceneBuildError, SceneError};
+use splitplane::{BuildError, MeshError, QueryError};
+use wasm_bindgen::prelude::*;
+
+/// Why a call failed.
+#[derive(Debug)]
+pub(crate) struct Failure {
+    /// One of those that `js/error.js` lists.
+    code: &'static str,
+    text: String,
+}
+
+impl Failure {
+    pub(crate) fn new(code: &'static str, text: impl Into<String>) -> Failure {
+        Failure { code, text: text.into() }
+    }
+
+    /// Memory for this many bytes was refused.
+    pub(crate) fn memory(bytes: usize) -> Failure {
+        Failure::new("out-of-memory", format!("there is no memory for {bytes} bytes"))
+    }
+
+    pub(crate) fn length(what: &str, words: usize, each: usize) -> Failure {
+        let text = format!("{what}: the length is {words}, but must be a multiple of {each}");
+        Failure::new("shape", text)
+    }
+
+    pub(crate) fn range(what: &str, first: u32, count: u32, length: usize) -> Failure {
+        let text = format!("{what}: {count} from number {first} on are more than its {length}");
+        Failure::new("shape", text)
+    }
+}
+
+impl From<Failure> for JsValue {
+    fn from(failure: Failure) -> JsValue {
+        let error = js_sys::Error::new(&failure.text);
+        // Fails for frozen objects only.
+        let _ = js_sys::Reflect::set(&error, &"code".into(), &failure.code.into());
+        error.into()
+    }
+}
+
+fn build_code(error: &BuildError) -> &'static str {
+    match error {
+        BuildError::Config(_) | BuildError::PresetNotOnDevice { .. } => "config",
+        BuildError::OutOfMemory { .. } => "out-of-memory",
+        BuildError::Cancelled { .. } => "cancelled",
+        BuildError::WrongMesh { .. } => "wrong-mesh",
+        _ => "build",
+    }
+}
+
+impl From<BuildError> for Failure {
+    fn from(error: BuildError) -> Failure {
+        Failure::new(build_code(&error), error.to_string())
+    }
+}
+
+impl From<QueryError> for Failure {
+    fn from(error: QueryError) -> Failure {
+        let code = match error {
+            QueryError::LengthMismatch { .. } => "shape",
+            QueryError::OutOfMemory { .. } => "out-of-memory",
+            QueryError::Cancelled { .. } => "cancelled",
+            _ => "query",
+        };
+        Failure::new(code, error.to_string())
+    }
+}
+
+impl From<MeshError> for Failure {
+    fn from(error: MeshError) -> Failure {
+        Failure::new("mesh", error.to_string())
+    }
+}
+
+impl From<FileError> for Failure {
+    fn from(error: FileError) -> Failure {
+        Failure::new("file", error.to_string())
+    }
+}
+
+impl From<SceneError> for Failure {
+    fn from(error: SceneError) -> Failure {
+        let code = match &error {
+            SceneError::UnknownInstance { .. } | SceneError::UnknownGeometry { .. } => "unknown",
+            SceneError::OutOfMemory { .. } => "out-of-memory",
+            _ => "scene",
+        };
+        Failure::new(code, error.to_string())
+    }
+}
+
+impl From<SceneBuildError> for Failure {
+    fn from(error: SceneBuildError) -> Failure {
+        let code = match &error {
+            SceneBuildError::Geometry { error, .. } => build_code(error),
+            SceneBuildError::OutOfMemory { .. } => "out-of-memory",
+            SceneBuildError::Cancelled { .. } => "cancelled",
+            _ => "scene",
+        };
+        Failure::new(code, error.to_string())
+    }
+}

@@ -1,0 +1,223 @@
+// In headless Chromium: answers and pictures equal the native ones, and the demonstration page does what it says, under its content
+// security policy, on a phone and by keyboard. Usage: browser.mjs TOOLS [SCREENSHOTS]
+
+import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
+import { createReadStream, mkdirSync, readFileSync, statSync, writeFileSync } from "node:fs";
+import { createServer } from "node:http";
+import { createRequire } from "node:module";
+import path from "node:path";
+import { fileURLToPath } from "node:url";
+
+import { difference } from "./answers.mjs";
+
+const web = path.dirname(path.dirname(fileURLToPath(import.meta.url)));
+const [tools, shots = path.join(web, "target", "screenshots")] = process.argv.slice(2);
+const { chromium } = createRequire(path.join(path.resolve(tools), "x.js"))("playwright-core");
+const program = execFileSync("sh", ["-c", "command -v chromium"], { encoding: "utf8" }).trim();
+mkdirSync(shots, { recursive: true });
+
+const TYPES = {
+    ".css": "text/css", ".html": "text/html", ".js": "text/javascript", ".mjs": "text/javascript", ".wasm": "application/wasm",
+};
+const server = createServer((request, response) => {
+    const asked = decodeURIComponent(new URL(request.url, "http://127.0.0.1").pathname);
+    const file = path.join(web, asked.endsWith("/") ? `${asked}index.html` : asked);
+    const found = file.startsWith(web + path.sep) && statSync(file, { throwIfNoEntry: false })?.isFile();
+    if (asked === "/blank.html") return response.writeHead(200, { "Content-Type": "text/html" }).end('<!doctype html><title>blank</title><link rel="icon" href="data:,">');
+    if (!found) return response.writeHead(404).end();
+    response.writeHead(200, { "Content-Type": TYPES[path.extname(file)] ?? "application/octet-stream", "Cache-Control": "no-store" });
+    createReadStream(file).pipe(response);
+});
+await new Promise((ready) => server.listen(0, "127.0.0.1", ready));
+const root = `http://127.0.0.1:${server.address().port}`;
+const snapshot = (name) => readFileSync(path.join(web, "..", "tests", "snapshots", `web__${name}.snap`), "utf8");
+
+const args = ["--disable-background-networking", "--disable-component-update", "--disable-sync", "--no-first-run"];
+if (process.getuid?.() === 0) args.push("--no-sandbox");
+const browser = await chromium.launch({ executablePath: program, headless: true, args });
+const problems = [];
+
+/** A page whose complaints are all kept. */
+async function open(address, settings) {
+    const page = await browser.newPage(settings);
+    page.setDefaultTimeout(120_000);
+    page.on("pageerror", (error) => problems.push(`${address}: ${error.stack ?? error}`));
+    page.on("crash", () => problems.push(`${address}: the page crashed`));
+    page.on("console", (message) => message.type() === "error" && problems.push(`${address}: ${message.text()}`));
+    await page.goto(`${root}${address}`);
+    return page;
+}
+
+async function step(name, work) {
+    const since = performance.now();
+    await work();
+    console.log(`ok: ${name} (${((performance.now() - since) / 1000).toFixed(1)} s)`);
+}
+
+const shown = (page, wanted = {}) =>
+    page.waitForFunction((wanted) => {
+        const all = window.shown !== undefined && Object.entries(wanted).every(([key, value]) => window.shown[key] === value);
+        return all || window.problem ? (window.problem ?? window.shown) : false;
+    }, wanted).then((handle) => handle.jsonValue());
+
+/** How many colours the canvas has: a picture has many. */
+const colours = (page) =>
+    page.evaluate(() => {
+        const canvas = document.getElementById("picture");
+        const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+        return new Set(new Uint32Array(data.buffer)).size;
+    });
+
+try {
+    await step("digests, hits, points, files and pictures equal the native ones", async () => {
+        const page = await open("/blank.html");
+        const found = await page.evaluate(async () => {
+            const [api, { all, pictures }] = await Promise.all([import("/js/index.js"), import("/tests/answers.mjs")]);
+            await api.init();
+            const raw = await import("/target/page/pkg/splitplane.js");
+            const { memory } = await raw.default();
+            return { ...all(api), web_pictures: pictures({ Page: raw.Page, memory }) };
+        });
+        assert.equal(Object.keys(found).length, 4);
+        for (const [name, lines] of Object.entries(found)) assert.equal(difference(lines, snapshot(name)), null, name);
+        await page.close();
+    });
+
+    const page = await open("/target/page/index.html?scene=cornell", { viewport: { width: 960, height: 800 }, acceptDownloads: true });
+    await step("the page shows its first scene", async () => {
+        const first = await shown(page, { scene: "cornell", samples: 4 });
+        assert.equal(first.scene, "cornell");
+        assert.match(first.digest, /^[0-9a-f]{16}$/);
+        // The digest is the native one, as the snapshot of pictures has it.
+        assert.ok(snapshot("web_pictures").includes(`cornell ${first.digest} `));
+        assert.ok((await colours(page)) > 500);
+        await page.screenshot({ path: path.join(shots, "cornell.png"), fullPage: true });
+    });
+
+    await step("another scene, the costs of rays, each accuracy", async () => {
+        await page.selectOption("#scene", "gallery");
+        await shown(page, { scene: "gallery" });
+        await page.screenshot({ path: path.join(shots, "gallery.png"), fullPage: true });
+        for (const accuracy of [0, 2, 1]) {
+            await page.check(`input[name="accuracy"][value="${accuracy}"]`);
+            await shown(page, { accuracy });
+        }
+        for (const number of [0, 1, 2]) assert.match(await page.textContent(`#time-${number}`), / m?s$/);
+        await page.check('input[name="view"][value="1"]');
+        await shown(page, { view: 1 });
+        assert.match(await page.textContent("#status"), /nodes and triangles/);
+        await page.screenshot({ path: path.join(shots, "costs.png"), fullPage: true });
+        await page.check('input[name="view"][value="0"]');
+        await shown(page, { view: 0 });
+    });
+
+    await step("turned by keyboard and by hand, and put back", async () => {
+        const picture = () => page.evaluate(() => document.getElementById("picture").toDataURL());
+        const settled = async (work) => {
+            await page.evaluate(() => delete window.shown);
+            await work();
+            await shown(page);
+            return picture();
+        };
+        const first = await picture();
+        await page.focus("#picture");
+        const turned = await settled(() => page.keyboard.press("ArrowLeft"));
+        assert.notEqual(turned, first);
+        const box = await page.locator("#picture").boundingBox();
+        const dragged = await settled(async () => {
+            await page.mouse.move(box.x + 200, box.y + 100);
+            await page.mouse.down();
+            await page.mouse.move(box.x + 260, box.y + 120, { steps: 3 });
+            await page.mouse.up();
+        });
+        assert.notEqual(dragged, turned);
+        assert.equal(await settled(() => page.click("#home")), first);
+    });
+
+    await step("measurements go to a file", async () => {
+        const [download] = await Promise.all([page.waitForEvent("download"), page.click("#measure")]);
+        const row = JSON.parse(readFileSync(await download.path(), "utf8"));
+        assert.equal(row.scene, "gallery");
+        assert.equal(row.frames.length, 3);
+        assert.ok(row.buildMs > 0 && row.frames.every(({ ms, raysPerSecond }) => ms > 0 && raysPerSecond > 0));
+    });
+
+    const give = (page, name, bytes) => page.setInputFiles("#file", { name, mimeType: "text/plain", buffer: Buffer.from(bytes) });
+    await step("an OBJ and a PLY file, broken ones, and one that is too large", async () => {
+        await give(page, "tetrahedron.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n");
+        const own = await shown(page, { scene: "tetrahedron.obj" });
+        assert.equal(own.triangles, 4);
+        const head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n";
+        await give(page, "one.ply", `${head}property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n`);
+        assert.equal((await shown(page, { scene: "one.ply" })).triangles, 1);
+        for (const [name, bytes, text] of [
+            ["cut.ply", "ply\nformat ascii 1.0\nelement vertex 9\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n", /cut\.ply/],
+            ["other.txt", "v 0 0 0\n", /neither/],
+            ["empty.obj", "", /no faces/],
+            ["bad.obj", "v 0 0 0\nf 1 2 3\n", /line 2/],
+            ["noise.obj", [0xff, 0xfe, 0x00, 0x80], /no text/],
+        ]) {
+            await give(page, name, bytes);
+            await page.waitForFunction(() => window.problem);
+            assert.match(await page.textContent("#error"), text);
+            assert.ok(await page.isVisible("#error"));
+        }
+        const large = path.join(shots, "large.obj");
+        writeFileSync(large, "");
+        const { truncateSync, unlinkSync } = await import("node:fs");
+        truncateSync(large, 500_000_000);
+        await page.setInputFiles("#file", large);
+        await page.waitForFunction(() => /500,000,000 bytes/.test(window.problem ?? ""));
+        unlinkSync(large);
+        // The page is as alive as before.
+        await page.selectOption("#scene", "spheres");
+        assert.equal((await shown(page, { scene: "spheres" })).scene, "spheres");
+        assert.equal(await page.isVisible("#error"), false);
+        await page.screenshot({ path: path.join(shots, "spheres.png"), fullPage: true });
+    });
+
+    await step("its content security policy holds", async () => {
+        const ran = await page.evaluate(() => {
+            const script = document.createElement("script");
+            script.textContent = "window.injected = true";
+            document.head.append(script);
+            return window.injected === true;
+        });
+        // The browser's own complaints about that are what is wanted.
+        await page.waitForTimeout(200);
+        const wanted = problems.filter((problem) => /Content Security Policy/.test(problem));
+        for (const problem of wanted) problems.splice(problems.indexOf(problem), 1);
+        assert.equal(ran, false);
+        assert.ok(wanted.length >= 1);
+    });
+
+    await step("everything has a name for a screen reader", async () => {
+        const nameless = await page.evaluate(() =>
+            [...document.querySelectorAll("input, select, button, canvas, a")].filter((element) => {
+                const labels = element.labels?.length > 0 ? [...element.labels].map((label) => label.textContent).join("") : "";
+                return (labels + (element.getAttribute("aria-label") ?? "") + element.textContent).trim() === "";
+            }).map((element) => element.outerHTML),
+        );
+        assert.deepEqual(nameless, []);
+        assert.equal(await page.evaluate(() => document.documentElement.lang), "en");
+        assert.match(await page.getAttribute("#picture", "aria-label"), /spheres, .* triangles/);
+    });
+
+    await step("on a phone nothing is cut off", async () => {
+        const phone = await open("/target/page/index.html?scene=spheres", { viewport: { width: 360, height: 740 }, deviceScaleFactor: 2, hasTouch: true, isMobile: true });
+        await shown(phone, { scene: "spheres" });
+        assert.ok(await phone.evaluate(() => document.documentElement.scrollWidth <= innerWidth));
+        console.log(`first picture of 75,498 triangles after ${Math.round(await phone.evaluate(() => window.firstPicture))} ms`);
+        await phone.screenshot({ path: path.join(shots, "phone.png"), fullPage: true });
+        await phone.close();
+    });
+    assert.deepEqual(problems, []);
+} catch (error) {
+    for (const problem of problems) console.error(problem);
+    console.error(error);
+    process.exitCode = 1;
+} finally {
+    await browser.close();
+    server.close();
+}

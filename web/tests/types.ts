@@ -1,0 +1,36 @@
+// Compiled, not run: what users write has the types of index.d.ts and three.d.ts.
+
+import { BufferGeometry, Mesh, Raycaster } from "three";
+import { init, Scene, SplitplaneError, Tree, WasmArray } from "splitplane";
+import { acceleratedRaycast, computeBoundsTree, disposeBoundsTree } from "splitplane/three";
+
+Mesh.prototype.raycast = acceleratedRaycast;
+BufferGeometry.prototype.computeBoundsTree = computeBoundsTree;
+BufferGeometry.prototype.disposeBoundsTree = disposeBoundsTree;
+
+export async function use(positions: Float32Array, indices: Uint32Array, rays: Float32Array): Promise<number> {
+    await init();
+    const controller = new AbortController();
+    const tree = Tree.build(positions, indices, { preset: "best", signal: controller.signal, progress: (stage, done, total) => done < total });
+    const hits = await tree.closestHitsAsync(rays, { accuracy: "exact", culling: "back" });
+    const into = new WasmArray(rays.length / 2);
+    const same: WasmArray = tree.closestHits(rays, { into });
+    const single = tree.closestHit([0, 0, 0], [0, 0, 1], { tMax: 5 });
+    const scene = new Scene();
+    scene.addInstance(scene.addGeometry(positions, indices), new Float32Array(12), { mask: 1 });
+    try {
+        scene.update();
+    } catch (error) {
+        if (error instanceof SplitplaneError && error.code === "scene") throw error;
+    }
+    // @ts-expect-error no such preset
+    Tree.build(positions, indices, { preset: "quick" });
+    // @ts-expect-error not an array of floats
+    tree.closestHits([1, 2, 3]);
+    // @ts-expect-error made by Tree.build only
+    new Tree();
+    const raycaster = new Raycaster();
+    raycaster.firstHitOnly = true;
+    new BufferGeometry().computeBoundsTree({ layout: "compact" });
+    return hits.t.length + same.length + (single?.t ?? 0);
+}
