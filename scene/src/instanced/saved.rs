@@ -52,7 +52,8 @@ pub fn read_saved(path: &Path, options: &SceneOptions) -> Result<InstancedScene,
                     material_of: vec![0; mesh.len()],
                     ..Scene::default()
                 };
-                scene.add_geometry(&called, &from, &[0..mesh.len() as u32], 0)
+                let all = 0..mesh.len() as u32;
+                scene.add_geometry(&called, &from, &[all], 0)
             }
             ContentInFile::Spheres(all) => {
                 let kind = SolidKind::Spheres(all.to_vec());
