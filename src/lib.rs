@@ -60,8 +60,10 @@
 //! | get all hits of a ray, or count them | [`Accelerator::all_hits`] |
 //! | find out whether points are inside a mesh | [`Accelerator::locate`] |
 //! | find the closest point of a mesh, or its signed distance | [`Accelerator::closest_points`], [closest points] |
+//! | find what meets a box, a ball, a capsule, a frustum, another mesh | [`Accelerator::overlaps`], [overlaps] |
 //! | find the nearest of a cloud of points | [`points`] |
 //! | trace shadow rays and reflections | [shadows], [choose an accuracy] |
+//! | make pictures with light by paths and photons | [light by paths and photons] |
 //! | save and load a tree, pin it in a test | [`core::tree::file`], [`Backend::load`], [`Digest`], [keep a tree] |
 //! | filter triangles, write your own query | [`KdTree::visit_along`], [`KdTree::find_best`], [custom queries] |
 //! | write your own backend or executor | [`Backend`], [custom backends], [custom executors] |
@@ -81,6 +83,8 @@
 //! [choose an accuracy]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/accuracy.md
 //! [keep a tree]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/keep.md
 //! [closest points]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/near.md
+//! [light by paths and photons]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/light.md
+//! [overlaps]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/overlaps.md
 //! [custom queries]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/query.md
 //! [custom backends]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/own_backend.md
 //! [custom executors]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/executor.md
@@ -104,6 +108,7 @@ pub use splitplane_core::mesh::{Mesh, MeshError};
 pub use splitplane_core::query::all_hits::{AllHits, AllHitsOptions, Crossing};
 pub use splitplane_core::query::along::LeafAlong;
 pub use splitplane_core::query::best_first::LeafCell;
+pub use splitplane_core::query::cast::{Cast, CastOptions, Impact};
 pub use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions};
 pub use splitplane_core::query::inside::{LocateOptions, Located, Location, Rule};
 pub use splitplane_core::query::overlap::{OverlapOptions, Overlaps, Plane, Volume};
@@ -158,12 +163,16 @@ mod guide {
         keep,
         near,
         no_std,
+        overlaps,
         own_backend,
         query,
         rebuild,
         scenes,
         start
     );
+
+    #[cfg(all(feature = "render", feature = "scene"))]
+    pages!(light);
 
     #[cfg(feature = "wgpu")]
     pages!(shader);

@@ -1,6 +1,7 @@
 //! The built tree, ready for rays.
 
 mod all_hits;
+mod casts;
 mod closest_points;
 mod overlaps;
 mod task_bytes;
@@ -15,6 +16,7 @@ use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::{Accelerator, QueryLayout};
 use splitplane_core::error::{BuildError, QueryError, refused};
 use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
+use splitplane_core::query::cast::{Cast, CastOptions, Impact};
 use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions};
 use splitplane_core::query::inside::{LocateOptions, Located};
 use splitplane_core::query::intersect::{Limits, SceneScale};
@@ -303,6 +305,15 @@ impl Accelerator for CpuAccelerator {
         options: &ClosestPointOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
         self.find_closest_points(points, closest, options)
+    }
+
+    fn impacts(
+        &self,
+        casts: &[Cast],
+        impacts: &mut [Impact],
+        options: &CastOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.find_impacts(casts, impacts, options)
     }
 
     fn overlaps(

@@ -178,6 +178,7 @@ fn format_of(path: &Path) -> Result<MovieFormat, Failure> {
 impl Arguments {
     fn animate(&self, format: Option<MovieFormat>) -> Result<(), Failure> {
         let Arguments { look, common, .. } = self;
+        look.check_transport()?;
         if InstancedScene::is_named_by(&self.scene) {
             return self.animate_objects(format);
         }

@@ -17,7 +17,7 @@ use std::path::PathBuf;
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
-    /// An .obj, .ply or .stl file, a .gltf, .glb, .json or .scene file of many objects, or builtin:NAME[:SIZE]
+    /// An .obj, .ply, .stl, .gltf or .glb file, a .json or .scene file of many objects, or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE")]
     scene: OsString,
     /// Write the tree to this file; of many objects all that is built, to a file that ends in .scene

@@ -259,8 +259,11 @@ impl From<TracerError> for Failure {
                 let code = match &error {
                     RenderError::Plan(PlanError::TooLarge { .. })
                     | RenderError::PixelTooDeep { .. }
+                    | RenderError::TooManyPhotons { .. }
                     | RenderError::Appearance(_) => LIMIT,
                     RenderError::Plan(_) => USAGE,
+                    RenderError::PhotonMap(PointBuildError::Cancelled { .. }) => CANCELLED,
+                    RenderError::PhotonMap(_) => LIMIT,
                     #[cfg(feature = "wgpu")]
                     RenderError::ExactOnDevice => USAGE,
                     #[cfg(feature = "wgpu")]
@@ -420,6 +423,17 @@ mod tests {
         assert_eq!(refused.code, NO_GPU);
         assert!(refused.message.ends_with("; --allow-structural allows it"), "{}", refused.message);
         assert_eq!(Failure::from(QueryError::LengthMismatch { rays: 1, results: 2 }).code, BUG);
+    }
+
+    /// Nor can these: photons are cancelled with the frame, and few enough to fit.
+    #[test]
+    fn photons_have_their_codes() {
+        let of = |error: RenderError| Failure::from(TracerError::Render(error)).code;
+        let cancelled = PointBuildError::Cancelled { done: 1, total: 2 };
+        let memory = PointBuildError::OutOfMemory { needed: 2, limit: 1 };
+        assert_eq!(of(RenderError::PhotonMap(cancelled)), CANCELLED);
+        assert_eq!(of(RenderError::PhotonMap(memory)), LIMIT);
+        assert_eq!(of(RenderError::TooManyPhotons { photons: 9, needed: 2, allowed: 1 }), LIMIT);
     }
 
     /// Libraries say what is wrong; which option helps is said here.

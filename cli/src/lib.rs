@@ -50,8 +50,8 @@ use std::process::ExitCode;
 
 /// SAH kd-trees for ray tracing: pictures, trees, ray queries and checks.
 ///
-/// Without a verb, renders. SCENE is the path of an .obj, .ply or .stl file, of a .gltf, .glb, .json or .scene file of many
-/// objects, or builtin:NAME[:SIZE].
+/// Without a verb, renders. SCENE is the path of an .obj, .ply, .stl, .gltf or .glb file, of a .json or .scene file of many objects, or
+/// builtin:NAME[:SIZE].
 #[derive(Parser)]
 #[command(name = "splitplane", version, args_conflicts_with_subcommands = true)]
 #[command(after_help = EXIT_CODES)]

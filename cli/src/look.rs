@@ -4,7 +4,9 @@ use super::failure::Failure;
 use super::options::{Common, bytes, point, size};
 use clap::{Args, ValueEnum};
 use splitplane::Accelerator;
-use splitplane::render::{Environment, Light, LightTransport, RenderSettings, Size};
+use splitplane::render::{
+    Environment, FrameStats, Gather, Light, LightTransport, RenderSettings, Size,
+};
 use splitplane::scene::{
     Camera, InstancedScene, MaterialRule, Placement, Scene, SceneOptions, View,
 };
@@ -18,8 +20,12 @@ const PATHS_DEPTH: u32 = 32;
 /// How light travels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Transport {
+    /// Straight from lights, and through mirrors and glass
     Direct,
+    /// By any way, traced from the eye: path tracing
     Paths,
+    /// By any way, traced from the lights too: photon mapping
+    Photons,
 }
 
 impl From<Transport> for LightTransport {
@@ -27,6 +33,25 @@ impl From<Transport> for LightTransport {
         match transport {
             Transport::Direct => LightTransport::Direct,
             Transport::Paths => LightTransport::Paths,
+            Transport::Photons => LightTransport::Photons,
+        }
+    }
+}
+
+/// Where photons are looked up.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum GatherName {
+    /// At the first surface that scatters light
+    Maps,
+    /// One bounce later, but for caustics
+    Final,
+}
+
+impl From<GatherName> for Gather {
+    fn from(name: GatherName) -> Gather {
+        match name {
+            GatherName::Maps => Gather::Maps,
+            GatherName::Final => Gather::Final,
         }
     }
 }
@@ -41,21 +66,31 @@ pub(super) struct Look {
     /// 1 in animations
     #[arg(long, value_name = "N")]
     samples: Option<u32>,
-    /// How light travels: straight from lights, and through mirrors and glass; or by any way, which is path
-    /// tracing, on the CPU only
+    /// How light travels; all but `direct` on the CPU only
     #[arg(long, value_enum, default_value_t = Transport::Direct)]
     transport: Transport,
     /// How often the picture is made, each time by other samples, 1 to 65536; it is the mean. More than 1 on
     /// the CPU only
     #[arg(long, value_name = "N", default_value_t = RenderSettings::default().passes)]
     passes: u32,
-    /// Most reflections and refractions along a path, 0 to 16; with `--transport paths` of all bounces, 0 to
-    /// 64; 6 and 32 when left out
+    /// Photons that leave the lights in each pass, 64 to 16777216, and at least one of each light; 100000 when
+    /// left out. With `--transport photons` only, as the next two
+    #[arg(long, value_name = "N")]
+    photons: Option<u32>,
+    /// How many of the nearest photons light a point, 8 to 1024; 64 when left out
+    #[arg(long, value_name = "N")]
+    neighbours: Option<u32>,
+    /// Where photons are looked up; `maps` when left out
+    #[arg(long, value_enum)]
+    gather: Option<GatherName>,
+    /// Most reflections and refractions along a path, 0 to 16; with other light than `--transport direct` of
+    /// all bounces, of paths and of photons, 0 to 64; 6 and 32 when left out
     #[arg(long, value_name = "N")]
     depth: Option<u32>,
-    /// A path ends when less than this part of its light reaches the eye, 0 to 1
-    #[arg(long, value_name = "PART", default_value_t = RenderSettings::default().minimum_weight)]
-    min_weight: f32,
+    /// A path ends when less than this part of its light reaches the eye, 0 to 1; 0.00390625 when left out.
+    /// With `--transport direct` only
+    #[arg(long, value_name = "PART")]
+    min_weight: Option<f32>,
     /// Where random samples of shining surfaces start from
     #[arg(long, value_name = "N", default_value_t = RenderSettings::default().seed)]
     seed: u32,
@@ -95,10 +130,11 @@ pub(super) struct Look {
     #[arg(long, value_name = "N", default_value_t = RenderSettings::default().area_samples)]
     area_samples: u32,
     /// Part of the environment's light that surfaces receive, 0 to 1; 0.4 outside, and 0.15 in scenes
-    /// that keep most of it off, when left out
+    /// that keep most of it off, when left out. With `--transport direct` only
     #[arg(long, value_name = "PART")]
     ambient: Option<f32>,
-    /// A light at the eye without shadows; 0.2 where lights were placed, else 0, when left out
+    /// A light at the eye without shadows; 0.2 where lights were placed, else 0, when left out. With
+    /// `--transport direct` only
     #[arg(long, value_name = "RADIANCE")]
     headlight: Option<f32>,
     /// Light from everywhere, and the backdrop
@@ -275,7 +311,39 @@ impl Look {
 
     /// Whether the CPU alone makes such pictures of a mesh.
     pub(super) fn is_for_the_cpu(&self) -> bool {
-        self.transport == Transport::Paths || self.passes > 1
+        self.transport != Transport::Direct || self.passes > 1
+    }
+
+    /// Refuses options that would do nothing.
+    pub(super) fn check_transport(&self) -> Result<(), Failure> {
+        let direct = [
+            ("--min-weight", self.min_weight.is_some()),
+            ("--ambient", self.ambient.is_some()),
+            ("--headlight", self.headlight.is_some()),
+        ];
+        let photons = [
+            ("--photons", self.photons.is_some()),
+            ("--neighbours", self.neighbours.is_some()),
+            ("--gather", self.gather.is_some()),
+        ];
+        let without = |options: [(&'static str, bool); 3], why: &str| match options
+            .into_iter()
+            .find(|(_, given)| *given)
+        {
+            Some((option, _)) => Err(Failure::usage(format!("{option} {why}"))),
+            None => Ok(()),
+        };
+        if self.transport != Transport::Direct {
+            without(
+                direct,
+                "is of direct light: paths and photons bring all light, and chance ends them; leave it out, or \
+                 take --transport direct",
+            )?;
+        }
+        if self.transport != Transport::Photons {
+            without(photons, "needs --transport photons")?;
+        }
+        Ok(())
     }
 
     fn headlight(&self, by_rule: bool) -> f32 {
@@ -293,9 +361,9 @@ impl Look {
             samples: self.samples.unwrap_or(samples),
             depth: self.depth.unwrap_or(match self.transport {
                 Transport::Direct => RenderSettings::default().depth,
-                Transport::Paths => PATHS_DEPTH,
+                Transport::Paths | Transport::Photons => PATHS_DEPTH,
             }),
-            minimum_weight: self.min_weight,
+            minimum_weight: self.min_weight.unwrap_or(RenderSettings::default().minimum_weight),
             area_samples: self.area_samples,
             seed: self.seed,
             ambient: self.ambient.unwrap_or(if placed.inside {
@@ -308,9 +376,20 @@ impl Look {
             environment: self.environment,
             light: self.transport.into(),
             passes: self.passes,
+            photons: self.photons.unwrap_or(RenderSettings::default().photons),
+            neighbours: self.neighbours.unwrap_or(RenderSettings::default().neighbours),
+            gather: self.gather.map_or(Gather::Maps, Gather::from),
         };
         settings.validate().map_err(|error| Failure::usage(error.to_string()))?;
         Ok(settings)
+    }
+}
+
+/// How many rays photons had.
+pub(super) fn of_photons(stats: &FrameStats) -> String {
+    match stats.photon_rays {
+        0 => String::new(),
+        rays => format!(", {rays} of photons"),
     }
 }
 

@@ -1,7 +1,7 @@
 //! What is said of scenes of many objects.
 
 use super::failure::Failure;
-use super::look::Look;
+use super::look::{Look, of_photons};
 use super::objects::ObjectStage;
 use super::options::Common;
 use super::output;
@@ -118,6 +118,7 @@ impl ObjectStage {
                 emitters: self.tracer.appearance().needs().emitters,
                 paths: stats.paths,
                 shadow_rays: stats.shadow_rays,
+                photon_rays: stats.photon_rays,
                 placed_by_cpu: stats.placed_by_cpu,
                 trace_ms,
                 render_ms,
@@ -129,13 +130,14 @@ impl ObjectStage {
         }
         let tracing = trace_ms.map_or(String::new(), |ms| format!(", {ms:.1} ms of it tracing"));
         output::data(&format!(
-            "{}traced   {} rays: {} camera, mirrored and refracted, {} shadow{}\n\
+            "{}traced   {} rays: {} camera, mirrored and refracted, {} shadow{}{}\n\
              rendered in {render_ms:.1} ms{tracing} ({:.1} million rays a second)\n{}\
              written  {} ({width}x{height})\n",
             self.describe(),
             stats.rays(),
             stats.paths,
             stats.shadow_rays,
+            of_photons(stats),
             match stats.placed_by_cpu {
                 0 => String::new(),
                 rays => format!("; for {rays} the CPU found the instances"),
@@ -158,6 +160,8 @@ struct PictureReport {
     emitters: u32,
     paths: u64,
     shadow_rays: u64,
+    /// Rays of photons, one for each bounce.
+    photon_rays: u64,
     /// Rays whose instances the CPU found for a device.
     placed_by_cpu: u64,
     /// Time in queries; null where it is not measured.

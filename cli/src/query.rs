@@ -18,7 +18,7 @@ use std::time::Instant;
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
-    /// An .obj, .ply or .stl file, a .gltf, .glb, .json or .scene file of many objects, or builtin:NAME[:SIZE]
+    /// An .obj, .ply, .stl, .gltf or .glb file, a .json or .scene file of many objects, or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE")]
     pub(super) scene: OsString,
     /// The rays: raw little-endian f32 `ox oy oz dx dy dz tmin tmax`, or .npy of shape (n, 8)

@@ -2,7 +2,7 @@
 
 use super::failure::Failure;
 use super::files::{self, ends_in};
-use super::look::{Look, Placed};
+use super::look::{Look, Placed, of_photons};
 use super::objects::ObjectStage;
 use super::options::Common;
 use super::prepared::{BuildReport, in_pool, milliseconds, print_json};
@@ -28,7 +28,7 @@ const SAMPLES: [u32; 2] = [4, 16];
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
-    /// An .obj, .ply, .stl, .gltf or .glb file, a .json scene file, or builtin:NAME[:SIZE]
+    /// An .obj, .ply, .stl, .gltf or .glb file, a .json or .scene file of many objects, or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE", default_value = DEFAULT_SCENE)]
     scene: OsString,
     /// The picture: .png for screens, or .exr for linear light; splitplane-SCENE.png in the current
@@ -100,6 +100,7 @@ impl Arguments {
     }
 
     fn render(&self) -> Result<(), Failure> {
+        self.look.check_transport()?;
         if InstancedScene::is_named_by(&self.scene) {
             return self.render_objects();
         }
@@ -270,6 +271,7 @@ impl Arguments {
                 emitters: stage.tracer.appearance().needs().emitters,
                 paths: stats.paths,
                 shadow_rays: stats.shadow_rays,
+                photon_rays: stats.photon_rays,
                 redone: stats.redone,
                 trace_ms,
                 render_ms,
@@ -281,7 +283,7 @@ impl Arguments {
         }
         let tracing = trace_ms.map_or(String::new(), |ms| format!(", {ms:.1} ms of it tracing"));
         output::data(&format!(
-            "{}{}traced   {} rays: {} camera, mirrored and refracted, {} shadow{}\n\
+            "{}{}traced   {} rays: {} camera, mirrored and refracted, {} shadow{}{}\n\
              rendered in {render_ms:.1} ms{tracing} ({:.1} million rays a second)\n{}\
              written  {} ({width}x{height})\n",
             built.describe(),
@@ -289,6 +291,7 @@ impl Arguments {
             stats.rays(),
             stats.paths,
             stats.shadow_rays,
+            of_photons(stats),
             redone(stats),
             stats.rays() as f64 / render_ms.max(1e-6) / 1e3,
             written.heat.as_deref().unwrap_or(""),
@@ -342,6 +345,8 @@ struct RenderReport {
     emitters: u32,
     paths: u64,
     shadow_rays: u64,
+    /// Rays of photons, one for each bounce.
+    photon_rays: u64,
     /// Rays that a GPU left undecided, and the CPU traced again: accuracy exact only.
     redone: u64,
     /// Time in queries; null where it is not measured.

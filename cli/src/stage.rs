@@ -38,13 +38,16 @@ pub(super) fn open_for_pictures(common: &Common, look: &Look) -> Result<OpenedEn
     }
     if common.backend == BackendKind::Wgpu {
         return Err(Failure::usage(
-            "a GPU renders direct light in one pass only: --transport paths and --passes need --backend cpu",
+            "a GPU renders direct light in one pass only: --transport paths and photons, and --passes, need --backend cpu",
         ));
     }
     let mut cpu = common.clone();
     cpu.backend = BackendKind::Cpu;
     let opened = open_backend(&cpu)?;
-    Ok(OpenedEngine { reason: "it alone follows paths and makes several passes".into(), ..opened })
+    Ok(OpenedEngine {
+        reason: "it alone follows paths and photons and makes several passes".into(),
+        ..opened
+    })
 }
 
 impl Stage {

@@ -13,7 +13,7 @@ use std::ffi::OsString;
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
-    /// An .obj, .ply or .stl file, a .gltf, .glb, .json or .scene file of many objects, or builtin:NAME[:SIZE]
+    /// An .obj, .ply, .stl, .gltf or .glb file, a .json or .scene file of many objects, or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE")]
     scene: OsString,
     /// Rays of each kind: random, aimed at edges, aimed at vertices. Of many objects each geometry gets its share of them, and as many or

@@ -33,7 +33,7 @@ adapter that can draw in it, and 6 when the window's device is lost.";
 #[derive(Args, Debug)]
 #[command(after_help = NOTES)]
 pub(super) struct Arguments {
-    /// An .obj, .ply or .stl file, a .gltf, .glb, .json or .scene file of many objects, or builtin:NAME[:SIZE]
+    /// An .obj, .ply, .stl, .gltf or .glb file, a .json or .scene file of many objects, or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE", default_value = DEFAULT_SCENE)]
     scene: OsString,
     /// Width and height of the window in pixels
@@ -76,7 +76,7 @@ pub(super) struct Arguments {
 /// What is looked at.
 enum Opened {
     One(Box<Scene>, Option<Animation>),
-    Many(InstancedScene),
+    Many(Box<InstancedScene>),
 }
 
 fn views() -> PossibleValuesParser {
@@ -99,7 +99,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let many = InstancedScene::is_named_by(&arguments.scene);
     let opened = match many {
-        true => Opened::Many(arguments.open_objects(&scene_options)?),
+        true => Opened::Many(Box::new(arguments.open_objects(&scene_options)?)),
         false => arguments.open_scene(&scene_options)?,
     };
     spinner.finish_and_clear();
@@ -133,7 +133,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             Box::new(TracedSource::new(*scene, moves, options, build, lights, defaults, pool))
         }
         Opened::Many(scene) => {
-            Box::new(ObjectsSource::new(scene, options, build, lights, defaults, pool))
+            Box::new(ObjectsSource::new(*scene, options, build, lights, defaults, pool))
         }
     };
     let ended = open(source, settings)?;

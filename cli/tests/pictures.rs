@@ -150,7 +150,7 @@ fn light_by_paths_is_asked_for() {
         (fs::read(output).unwrap(), text)
     };
     let (direct, _) = render("direct.png", &["--ambient", "0"]);
-    let paths = ["--transport", "paths", "--ambient", "0"];
+    let paths = ["--transport", "paths"];
     let (once, text) = render("once.png", &paths);
     let (again, _) = render("again.png", &[&paths[..], &["--threads", "1"]].concat());
     assert_eq!(once, again);
@@ -165,11 +165,27 @@ fn light_by_paths_is_asked_for() {
     };
     assert!(mean(&once) > mean(&direct) + 20.0, "{} {}", mean(&once), mean(&direct));
     assert!((mean(&once) - mean(&more)).abs() < 4.0, "{} {}", mean(&once), mean(&more));
+    let photons = ["--transport", "photons", "--photons", "20000"];
+    for gather in ["maps", "final"] {
+        let (photons, text) =
+            render("photons.png", &[&photons[..], &["--gather", gather]].concat());
+        assert!(text.contains(" of photons"), "{text}");
+        assert_ne!(photons, once);
+        assert!((mean(&photons) - mean(&once)).abs() < 4.0, "{gather}: {}", mean(&photons));
+    }
     for (arguments, says) in [
         (["--transport", "paths", "--backend", "wgpu"], "need --backend cpu"),
         (["--transport", "paths", "--depth", "65"], "0 to 64"),
         (["--transport", "paths", "--passes", "0"], "passes"),
-        (["--transport", "photons", "--passes", "1"], "possible values: direct, paths"),
+        (["--transport", "photons", "--photons", "63"], "64 to 16777216"),
+        (["--transport", "photons", "--neighbours", "2000"], "8 to 1024"),
+        (["--transport", "photons", "--backend", "wgpu"], "need --backend cpu"),
+        (["--transport", "paths", "--ambient", "0"], "--ambient is of direct light"),
+        (["--transport", "photons", "--headlight", "0"], "--headlight is of direct light"),
+        (["--transport", "paths", "--min-weight", "0"], "--min-weight is of direct light"),
+        (["--transport", "paths", "--gather", "maps"], "--gather needs --transport photons"),
+        (["--photons", "100", "--neighbours", "9"], "--photons needs --transport photons"),
+        (["--transport", "light", "--passes", "1"], "possible values: direct, paths, photons"),
     ] {
         let error = fail(&folder, 2, &[&["render", "builtin:cornell"], &arguments[..]].concat());
         assert!(error.contains(says), "{error}");

@@ -11,6 +11,7 @@ use crate::config::BuildConfig;
 use crate::error::{BuildError, QueryError};
 use crate::mesh::Mesh;
 use crate::query::all_hits::{AllHits, AllHitsOptions};
+use crate::query::cast::{Cast, CastOptions, Impact};
 use crate::query::closest_point::{ClosestPoint, ClosestPointOptions};
 use crate::query::inside::{self, LocateOptions, Located};
 use crate::query::overlap::{OverlapOptions, Overlaps, Volume};
@@ -287,6 +288,24 @@ pub trait Accelerator: Send + Sync {
     ) -> Result<QueryReport, QueryError> {
         let _ = (points, closest, options);
         Err(QueryError::Unsupported { query: "closest points" })
+    }
+
+    /// What each ball or capsule that moves along a ray touches first: see [`query::cast`](crate::query::cast); [`Impact::NONE`] where it
+    /// touches nothing. After an error `impacts` holds the answers to some of the casts, and nothing says which: do not use it.
+    ///
+    /// The default refuses: a backend that answers this question has a method of its own.
+    ///
+    /// # Errors
+    /// `casts` and `impacts` of different length, no memory for a search, a watch that cancels the batch, and
+    /// [`QueryError::Unsupported`] from a backend without this query.
+    fn impacts(
+        &self,
+        casts: &[Cast],
+        impacts: &mut [Impact],
+        options: &CastOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        let _ = (casts, impacts, options);
+        Err(QueryError::Unsupported { query: "impacts" })
     }
 
     /// The triangles that each volume meets, exactly: see [`query::overlap`](crate::query::overlap). Those of another mesh as volumes give the

@@ -5,6 +5,8 @@ pub mod all_hits;
 pub mod along;
 #[cfg(feature = "alloc")]
 pub mod best_first;
+#[cfg(feature = "alloc")]
+pub mod cast;
 pub mod certify;
 #[cfg(feature = "alloc")]
 pub mod closest_point;

@@ -16,18 +16,21 @@ use crate::warp::{Basis, ONE_OVER_PI, hemisphere, unpacked};
 pub(crate) const LEAST_ALPHA: f32 = 1.0e-3;
 
 /// What a surface does with light.
+#[derive(Clone, Copy)]
 pub(crate) struct Bsdf {
     /// Part that is scattered evenly.
     pub(crate) diffuse: Vector,
     /// Part that is mirrored, or tint of what is refracted.
     second: Vector,
     clear: bool,
+    /// Whether what is followed is a photon, from the light: power does not change where it is refracted, as radiance does.
+    of_light: bool,
     /// Index on the side that the path came from over the index behind.
     ratio: f32,
     /// `None` where it is smooth.
     rough: Option<Ggx>,
     /// Probability that a direction is drawn from the mirror.
-    mirror_share: f32,
+    pub(crate) mirror_share: f32,
     normal: Vector,
     geometric_normal: Vector,
     basis: Basis,
@@ -62,6 +65,7 @@ impl Bsdf {
             diffuse,
             second: material.second,
             clear,
+            of_light: false,
             ratio: surface.scattering[2],
             rough: (material.alpha >= LEAST_ALPHA).then_some(Ggx { alpha: material.alpha }),
             mirror_share: if total > 0.0 { mirrored / total } else { 0.0 },
@@ -70,6 +74,23 @@ impl Bsdf {
             basis,
             view: normalized(view),
         }
+    }
+
+    /// The same surface, met by a photon.
+    pub(crate) fn of_light(self) -> Bsdf {
+        Bsdf { of_light: true, ..self }
+    }
+
+    /// What scatters evenly, alone; `None` where nothing does.
+    pub(crate) fn even(&self) -> Option<Bsdf> {
+        let alone = Bsdf { second: [0.0; 3], rough: None, mirror_share: 0.0, ..*self };
+        (greatest(self.diffuse) > 0.0).then_some(alone)
+    }
+
+    /// The mirror, or the clear body, alone; `None` where there is none.
+    pub(crate) fn mirror(&self) -> Option<Bsdf> {
+        let alone = Bsdf { diffuse: [0.0; 3], mirror_share: 1.0, ..*self };
+        (self.clear || greatest(self.second) > 0.0).then_some(alone)
     }
 
     /// Whether some light comes from directions that a sample of a light may have.
@@ -140,7 +161,7 @@ impl Bsdf {
 
     /// By how much radiance changes where it is refracted (Veach 1997, section 5.2).
     fn compression(&self) -> f32 {
-        self.ratio * self.ratio
+        if self.of_light { 1.0 } else { self.ratio * self.ratio }
     }
 
     /// Draws the direction in which a path goes on; `incoming` is that of its ray. `None` where it ends.

@@ -3,6 +3,7 @@
 use crate::plan::PlanError;
 use crate::scene_data::AppearanceError;
 use splitplane_core::error::QueryError;
+use splitplane_core::points::build::PointBuildError;
 use thiserror::Error;
 
 /// Errors of frames.
@@ -57,6 +58,22 @@ pub enum RenderError {
         /// Triangles of the mesh.
         triangles: u32,
     },
+    /// The photons of a pass need more memory than a buffer may have.
+    #[error(
+        "the photons of a pass that are stored, {photons} so far, need {needed} bytes, but may have {allowed}; trace fewer of them, in \
+         more passes, or lower the depth"
+    )]
+    TooManyPhotons {
+        /// Photons stored.
+        photons: u64,
+        /// Bytes they need.
+        needed: u64,
+        /// Bytes that they may have.
+        allowed: u64,
+    },
+    /// The tree of the photons of a pass cannot be built.
+    #[error("the map of photons: {0}")]
+    PhotonMap(#[from] PointBuildError),
     /// The rays of a single pixel do not fit the queues.
     #[error(
         "the rays of one pixel need more room than the {paths} paths and {shadow_rays} shadow rays of a \

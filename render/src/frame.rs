@@ -39,6 +39,8 @@ pub struct FrameStats {
     pub paths: u64,
     /// Rays towards lights.
     pub shadow_rays: u64,
+    /// Rays of photons, one for each bounce.
+    pub photon_rays: u64,
     /// Rays of an exact frame that its device left undecided, and the CPU traced; 0 on the CPU.
     pub redone: u64,
     /// Rays of a scene whose geometries are on a device, for which the CPU found the instances that they enter; those of slices that
@@ -55,6 +57,7 @@ impl FrameStats {
             plan,
             paths: sum(Counter::TotalPathsLow, Counter::TotalPathsHigh),
             shadow_rays: sum(Counter::TotalShadowRaysLow, Counter::TotalShadowRaysHigh),
+            photon_rays: 0,
             redone: 0,
             placed_by_cpu: 0,
             tracing,
@@ -63,6 +66,6 @@ impl FrameStats {
 
     /// All rays.
     pub fn rays(&self) -> u64 {
-        self.paths + self.shadow_rays
+        self.paths + self.shadow_rays + self.photon_rays
     }
 }

@@ -17,8 +17,10 @@ pub struct Path {
     pub density: f32,
     /// The density with which a sample of the environment would have chosen that direction.
     pub sky_density: f32,
-    /// Not used.
-    pub padding: u32,
+    /// What it met before, where photons are looked up: 0 nothing but mirrors and clear bodies, 1 a surface that scattered it evenly, and
+    /// nothing since, 2 a mirror or clear body since, 3 photons, so that it sees lights alone. Of a photon: 0 nothing, 1 only mirrors and clear
+    /// bodies, 2 a surface that scattered it evenly.
+    pub history: u32,
 }
 
 /// The surface at the point that a path's ray met. 80 bytes.
@@ -56,6 +58,10 @@ impl Surface {
     pub const REFRACTS: u32 = 2;
     /// The driver of a device did not follow the ray to its end.
     pub const UNFINISHED: u32 = 4;
+    /// Photons that came straight from lights through mirrors and clear bodies bring it light.
+    pub const CAUSTICS: u32 = 8;
+    /// Photons that other surfaces scattered bring it light.
+    pub const GLOBAL: u32 = 16;
 
     /// Shadow rays that it asks for.
     pub const fn shadow_rays(&self) -> u32 {

@@ -11,6 +11,9 @@
 #![cfg_attr(docsrs, feature(doc_cfg))]
 #![cfg_attr(not(feature = "cpu"), allow(dead_code, reason = "the shading of the CPU's kernels"))]
 
+#[cfg(test)]
+extern crate self as splitplane_render;
+
 mod bsdf;
 mod camera;
 #[cfg(feature = "cpu")]
@@ -23,6 +26,7 @@ pub mod kernel;
 pub mod layout;
 mod light;
 mod lighting;
+mod lobes;
 mod material;
 mod microfacet;
 mod paths;
@@ -30,6 +34,9 @@ mod paths;
 pub mod picture;
 mod plan;
 mod plane;
+mod planted;
+#[cfg(all(test, feature = "cpu"))]
+mod planted_tests;
 mod random;
 pub mod scene_data;
 mod scene_words;
@@ -56,7 +63,8 @@ pub use plan::{Outputs, Plan, PlanError, Room};
 pub use scene_data::instances;
 pub use scene_data::{Appearance, AppearanceError, Needs, SceneData};
 pub use settings::{
-    LightTransport, MAX_BOUNCES, MAX_DEPTH, MAX_PASSES, MAX_PIXELS, MAX_SAMPLES, MAX_SHADOW_RAYS,
-    MAX_SIDE, RenderSettings, SettingsError, Size, SizeError,
+    Gather, LightTransport, MAX_BOUNCES, MAX_DEPTH, MAX_NEIGHBOURS, MAX_PASSES, MAX_PHOTONS,
+    MAX_PIXELS, MAX_SAMPLES, MAX_SHADOW_RAYS, MAX_SIDE, MIN_NEIGHBOURS, MIN_PHOTONS,
+    RenderSettings, SettingsError, Size, SizeError,
 };
 pub use texture::Texture;

@@ -6,9 +6,11 @@
 
 use crate::bsdf::{Bsdf, Scattered};
 use crate::environment;
-use crate::layout::{Path, Surface};
+use crate::layout::{Frame, Path, Surface};
 use crate::lighting::{shining_point, solid_angle};
+use crate::lobes::{FROM_EYE, LAST, Lobes, PATHS, ends, is_caustic, share};
 use crate::plane::start;
+use crate::planted::{Fault, is_planted};
 use crate::random::{Use, key, pair, words};
 use crate::scene_data::{DIELECTRIC, DIRECTIONAL, NONE};
 use crate::scene_words::SceneWords;
@@ -21,15 +23,6 @@ use splitplane_core::ray::{Hit, Ray};
 /// Bounces before chance may end a path.
 const SURE_BOUNCES: u32 = 2;
 
-/// The share of one of two ways to find the same light (power heuristic): of the one with the density `own`.
-fn share(own: f32, other: f32) -> f32 {
-    if other <= 0.0 {
-        return 1.0;
-    }
-    let ratio = other / own;
-    1.0 / (1.0 + ratio * ratio)
-}
-
 /// What the ray of a path met: the light that comes from there by itself, which lights are worth a ray, whether the path goes on.
 pub(crate) fn shade(
     scene: &SceneWords<'_>,
@@ -40,35 +33,47 @@ pub(crate) fn shade(
 ) -> Surface {
     let frame = scene.frame;
     if !hit.is_hit() {
-        let own = if path.density > 0.0 { share(path.density, path.sky_density) } else { 1.0 };
+        if is_caustic(frame, path) {
+            return Surface::default();
+        }
+        let own =
+            if path.density > 0.0 { share(frame, path.density, path.sky_density) } else { 1.0 };
         let light = mul(path.weight, environment::radiance(frame, ray.direction));
         return Surface { light: scaled(light, own), ..Surface::default() };
     }
-    let Met { mut surface, at, described, weights, from_front, plane } =
-        meet(scene, world, ray, (hit, instance));
-    let material = scene.material(surface.material);
-    surface.incoming = packed(negated(ray.direction));
-    if material.kind == DIELECTRIC {
-        let index = material.refractive_index;
-        surface.scattering[2] = if from_front { 1.0 / index } else { index };
-    } else {
-        let texture = scene.texture_colour(material.texture, described, weights);
-        surface.scattering = mul(material.diffuse, texture);
-    }
-    if greatest(material.emission) > 0.0 {
+    let met = meet(scene, world, ray, (hit, instance));
+    let (mut surface, emission) = described(scene, &met, ray);
+    // Shapes send no photons, so that where these are looked up they are seen, but light nothing.
+    let counts = match met.described {
+        NONE => path.history == FROM_EYE,
+        _ => !is_caustic(frame, path),
+    };
+    if greatest(emission) > 0.0 && counts {
+        let Met { at, plane, .. } = met;
         let mut own = 1.0;
         // No ray is aimed at a shape.
-        if path.density > 0.0 && frame.area_samples > 0 && described != NONE {
+        let is_triangle = met.described != NONE;
+        let sampled = path.density > 0.0 && frame.area_samples > 0 && is_triangle;
+        if sampled && !is_planted(frame, Fault::EmissionWhole) {
             let cosine = dot(surface.geometric_normal, ray.direction).abs();
             let area = (length(plane.scaled_normal) * 0.5, plane.power);
             let other =
                 frame.area_samples as f32 * scene.emitter_probability(at.triangle, at.instance);
-            own = share(path.density * solid_angle(area, hit.t, cosine), other);
+            own = share(frame, path.density * solid_angle(area, hit.t, cosine), other);
         }
-        surface.light = scaled(mul(path.weight, material.emission), own);
+        surface.light = scaled(mul(path.weight, emission), own);
+    }
+    if path.history == LAST {
+        return surface;
     }
     let bsdf = Bsdf::of(scene, &surface);
-    if bsdf.scatters() {
+    if frame.transport != PATHS && greatest(bsdf.diffuse) > 0.0 {
+        surface.flags |= Surface::CAUSTICS;
+        if ends(frame, path) {
+            surface.flags |= Surface::GLOBAL;
+        }
+    }
+    if Lobes::of(frame, path, bsdf).scatter() {
         for sample in 0..frame.lights + frame.area_samples + frame.sky_samples {
             if connect(scene, world, &surface, path, wave, sample).is_some() {
                 surface.lights |= 1 << sample;
@@ -79,6 +84,21 @@ pub(crate) fn shade(
         surface.flags |= Surface::REFLECTS;
     }
     surface
+}
+
+/// The surface that was met, with what it scatters, for light beyond direct light, and what it sends out by itself.
+pub(crate) fn described(scene: &SceneWords<'_>, met: &Met, ray: &Ray) -> (Surface, Vector) {
+    let mut surface = met.surface;
+    let material = scene.material(surface.material);
+    surface.incoming = packed(negated(ray.direction));
+    if material.kind == DIELECTRIC {
+        let index = material.refractive_index;
+        surface.scattering[2] = if met.from_front { 1.0 / index } else { index };
+    } else {
+        let texture = scene.texture_colour(material.texture, met.described, met.weights);
+        surface.scattering = mul(material.diffuse, texture);
+    }
+    (surface, material.emission)
 }
 
 /// A place on a light.
@@ -106,11 +126,9 @@ pub(crate) fn connect(
     let frame = scene.frame;
     let bsdf = Bsdf::of(scene, surface);
     let drawn = draw(scene, world, surface, path, wave, sample)?;
-    // What the path may find by itself after its last bounce, nothing finds.
+    let lobes = Lobes::of(frame, path, bsdf);
     let last = wave >= frame.depth;
-    let (sent, density) = bsdf.evaluate(drawn.direction);
-    let other = if last || drawn.density <= 0.0 { 0.0 } else { density * drawn.unit };
-    let sent = scaled(sent, share(drawn.density, other));
+    let sent = lobes.answer(frame, drawn.direction, (drawn.density, drawn.unit), last);
     let light = mul(mul(path.weight, sent), drawn.light);
     let most = greatest(light);
     if most.is_nan() || most <= 0.0 {
@@ -169,8 +187,8 @@ fn draw(
     if dot(normal, direction) > 0.0 {
         normal = negated(normal);
     }
-    let angle =
-        solid_angle((area.scaled_area, area.power), length(towards), -dot(normal, direction));
+    let cosine = if is_planted(frame, Fault::LightsFace) { 1.0 } else { -dot(normal, direction) };
+    let angle = solid_angle((area.scaled_area, area.power), length(towards), cosine);
     let samples = frame.area_samples as f32;
     Some(Sample {
         direction,
@@ -203,12 +221,14 @@ pub(crate) fn scatter(
     let [choice, chance] = numbers(Use::Choice);
     let numbers = numbers(Use::Direction);
     let bsdf = Bsdf::of(scene, surface);
-    let Scattered { direction, weight, density, side } =
-        bsdf.scatter(ray.direction, choice, numbers)?;
-    let weight = survivors(mul(path.weight, weight), wave, chance)?;
+    let lobes = Lobes::of(frame, path, bsdf);
+    let (scattered, history) = lobes.draw(ray.direction, choice, numbers)?;
+    let Scattered { direction, weight, density, side } = scattered;
+    let weight = survivors(frame, mul(path.weight, weight), wave, chance)?;
     let next = Path {
         weight,
         density,
+        history,
         sky_density: if frame.sky_samples > 0 { sky_density(surface, direction) } else { 0.0 },
         ..*path
     };
@@ -216,7 +236,7 @@ pub(crate) fn scatter(
 }
 
 /// What a path weighs that chance lets go on: those that do carry the light of those that do not.
-fn survivors(weight: Vector, wave: u32, chance: f32) -> Option<Vector> {
+fn survivors(frame: &Frame, weight: Vector, wave: u32, chance: f32) -> Option<Vector> {
     let most = greatest(weight);
     if most <= 0.0 || !most.is_finite() {
         return None;
@@ -224,5 +244,6 @@ fn survivors(weight: Vector, wave: u32, chance: f32) -> Option<Vector> {
     if wave < SURE_BOUNCES || most >= 1.0 {
         return Some(weight);
     }
-    (chance < most).then(|| scaled(weight, 1.0 / most))
+    let carried = if is_planted(frame, Fault::SurvivorsAsTheyAre) { 1.0 } else { most };
+    (chance < most).then(|| scaled(weight, 1.0 / carried))
 }

@@ -6,7 +6,9 @@ use crate::Pinhole;
 use crate::kernel::{Buffer, DEFERRED_HEAD, Kernel, UNDECIDED_WORDS};
 use crate::layout::Frame;
 use crate::scene_data::{NONE, Needs, SceneData};
-use crate::settings::{LightTransport, MAX_SHADOW_RAYS, RenderSettings, SettingsError, Size};
+use crate::settings::{
+    Gather, LightTransport, MAX_SHADOW_RAYS, RenderSettings, SettingsError, Size,
+};
 use splitplane_core::ray::{Culling, QueryOptions};
 use thiserror::Error;
 
@@ -98,6 +100,8 @@ pub struct Plan {
     shadow_room: u32,
     /// As [`Room::undecided`].
     undecided: bool,
+    /// As [`Room::buffer_bytes`].
+    buffer_bytes: u64,
 }
 
 impl Plan {
@@ -125,6 +129,7 @@ impl Plan {
             path_room: 1,
             shadow_room: 1,
             undecided: room.undecided,
+            buffer_bytes: room.buffer_bytes,
         };
         let shadow_rays = plan.light_samples();
         if shadow_rays > u64::from(MAX_SHADOW_RAYS) {
@@ -221,7 +226,12 @@ impl Plan {
 
     /// Whether paths continue from surfaces.
     pub fn recursive(&self) -> bool {
-        let bounces = self.needs.mirrors || self.needs.dielectrics || !self.is_direct();
+        let scattered = match self.settings.light {
+            LightTransport::Direct => false,
+            LightTransport::Paths => true,
+            LightTransport::Photons => self.gathers() || self.needs.emitters > 0,
+        };
+        let bounces = self.needs.mirrors || self.needs.dielectrics || scattered;
         self.outputs.shades() && bounces && self.settings.depth > 0
     }
 
@@ -245,12 +255,30 @@ impl Plan {
         self.settings.light == LightTransport::Direct
     }
 
+    /// Whether photons are looked up one bounce later.
+    fn gathers(&self) -> bool {
+        self.settings.light == LightTransport::Photons && self.settings.gather == Gather::Final
+    }
+
     /// Samples of the environment for a surface point: 1 where light is followed beyond direct light and the environment shines.
     pub fn sky_samples(&self) -> u32 {
         let environment = &self.settings.environment;
         let parts = [environment.zenith, environment.horizon, environment.nadir];
         let shines = parts.as_flattened().iter().any(|part| *part > 0.0);
         u32::from(shines && !self.is_direct())
+    }
+
+    /// Photons of a pass; 0 where no light is followed by them: none is wanted, nothing scatters it evenly or nothing shines.
+    pub fn photons(&self) -> u32 {
+        let wanted = self.settings.light == LightTransport::Photons && self.settings.depth > 0;
+        let shines = self.needs.lights > 0 || self.needs.emitters > 0 || self.sky_samples() > 0;
+        let stored = self.outputs.shades() && self.needs.diffuse;
+        if wanted && shines && stored { self.settings.photons } else { 0 }
+    }
+
+    /// Most bytes of the photons that a pass stores, and of the tree of each map.
+    pub(crate) fn buffer_bytes(&self) -> u64 {
+        self.buffer_bytes
     }
 
     /// Samples of lights for a surface point.
@@ -365,7 +393,7 @@ impl Plan {
             headlight: settings.headlight,
             exposure: settings.exposure,
             sample_weight: 1.0 / (settings.samples as f32 * settings.passes as f32),
-            transport: settings.light as u32,
+            transport: settings.light as u32 + u32::from(self.gathers()),
             sky_samples: self.sky_samples(),
             slice_pixels: self.slice_pixels,
             path_room: self.path_room,
@@ -379,6 +407,10 @@ impl Plan {
             ..Frame::default()
         };
         scene.describe_to(&mut frame);
+        #[cfg(test)]
+        {
+            frame.padding[9] = settings.planted.map_or(0, |fault| fault as u32);
+        }
         frame
     }
 }

@@ -65,6 +65,11 @@ pub(crate) fn key(which: u32, wave: u32, used: u32, seed: u32) -> [u32; 3] {
     [which, wave * 32 + used, seed]
 }
 
+/// The key of a use of photons at a bounce; those that leave the lights use `wave` 0 and `used` from 0, by light.
+pub(crate) fn photon_key(pass: u32, wave: u32, used: u32, seed: u32) -> [u32; 3] {
+    [pass, 0x8000_0000 | wave << 16 | used, seed]
+}
+
 /// The second dimension of the sequence.
 fn sobol(mut index: u32) -> u32 {
     let (mut result, mut direction) = (0, 1u32 << 31);

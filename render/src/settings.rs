@@ -18,6 +18,14 @@ pub const MAX_SHADOW_RAYS: u32 = 32;
 pub const MAX_BOUNCES: u32 = 64;
 /// Most passes of a picture.
 pub const MAX_PASSES: u32 = 1 << 16;
+/// Fewest photons of a pass.
+pub const MIN_PHOTONS: u32 = 64;
+/// Most photons of a pass.
+pub const MAX_PHOTONS: u32 = 1 << 24;
+/// Fewest photons that an estimate of light may look at.
+pub const MIN_NEIGHBOURS: u32 = 8;
+/// Most photons that an estimate of light may look at.
+pub const MAX_NEIGHBOURS: u32 = 1024;
 
 /// How light travels from its sources to the eye.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -31,6 +39,21 @@ pub enum LightTransport {
     /// By any way, traced from the eye: path tracing (Kajiya 1986). What light without a size does behind glass is missing, since no
     /// path meets it by chance.
     Paths = 1,
+    /// By any way: what lights do to surfaces themselves is sampled from the eye, all other light is brought by photons, traced from the
+    /// lights (photon mapping, Jensen 1996). Their disks shrink from pass to pass, so that pictures converge to those of path tracing (Knaus and
+    /// Zwicker 2011), and have what lights without a size do behind glass besides.
+    Photons = 2,
+}
+
+/// Where photons are looked up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Gather {
+    /// At the first surface that scatters light evenly: fast, and spotty until there have been many passes.
+    #[default]
+    Maps,
+    /// One bounce later (final gathering), but for caustics: the spots are averaged over all surfaces around, and there is noise instead.
+    Final,
 }
 
 /// Width and height of a picture in pixels.
@@ -116,6 +139,16 @@ pub struct RenderSettings {
     pub light: LightTransport,
     /// How often the picture is made, each time by other samples, 1 to [`MAX_PASSES`]; it is the mean.
     pub passes: u32,
+    /// Photons that leave the lights in each pass, [`MIN_PHOTONS`] to [`MAX_PHOTONS`], and at least one of each light. Used by
+    /// [`LightTransport::Photons`] alone, as are the next two.
+    pub photons: u32,
+    /// How many of the nearest photons an estimate of light looks at, [`MIN_NEIGHBOURS`] to [`MAX_NEIGHBOURS`].
+    pub neighbours: u32,
+    /// Where photons are looked up.
+    pub gather: Gather,
+    /// A fault that a test plants.
+    #[cfg(test)]
+    pub(crate) planted: Option<crate::planted::Fault>,
 }
 
 impl Default for RenderSettings {
@@ -132,6 +165,11 @@ impl Default for RenderSettings {
             environment: Environment::SKY,
             light: LightTransport::Direct,
             passes: 1,
+            photons: 100_000,
+            neighbours: 64,
+            gather: Gather::Maps,
+            #[cfg(test)]
+            planted: None,
         }
     }
 }
@@ -180,6 +218,8 @@ impl RenderSettings {
             if fits { Ok(()) } else { Err(SettingsError { name, value, range }) }
         };
         whole("passes", self.passes, 1, MAX_PASSES, "1 to 65536")?;
+        whole("photons", self.photons, MIN_PHOTONS, MAX_PHOTONS, "64 to 16777216")?;
+        whole("neighbours", self.neighbours, MIN_NEIGHBOURS, MAX_NEIGHBOURS, "8 to 1024")?;
         let environment = &self.environment;
         for part in [environment.zenith, environment.horizon, environment.nadir].as_flattened() {
             within("environment", *part, 0.0, 1e12, "0 to 1e12")?;

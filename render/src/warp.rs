@@ -46,12 +46,19 @@ pub(crate) fn hemisphere(numbers: [f32; 2]) -> Vector {
     [x, y, rest(x, y)]
 }
 
-#[cfg(test)]
-/// A direction, evenly, with the density 1 / (4 pi): Lambert's map of a disk on a sphere, which keeps areas.
-pub(crate) fn sphere(numbers: [f32; 2]) -> Vector {
+/// A direction within a cone around z, evenly: Lambert's map of a disk on a cap, which keeps areas. `depth` is 1 less the cosine of the
+/// cone's half angle, 2 for all directions; the density is 1 / (2 pi depth).
+pub(crate) fn cap(numbers: [f32; 2], depth: f32) -> Vector {
     let [x, y] = disk(numbers);
-    let factor = 2.0 * rest(x, y);
-    [x * factor, y * factor, 1.0 - 2.0 * (x * x + y * y)]
+    let z = 1.0 - (x * x + y * y) * depth;
+    let factor = (depth * (1.0 + z)).sqrt();
+    [x * factor, y * factor, z]
+}
+
+#[cfg(test)]
+/// A direction, evenly, with the density 1 / (4 pi).
+pub(crate) fn sphere(numbers: [f32; 2]) -> Vector {
+    cap(numbers, 2.0)
 }
 
 /// Three directions at right angles, the third given (Duff et al. 2017).

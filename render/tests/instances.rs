@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{ALL, Point, World, along_z, shoot};
+use common::{ALL, Point, World, along_z, cornell, cornell_camera, shoot};
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::scene::{IDENTITY, Instance, Scene, Transform, translation};
@@ -10,7 +10,7 @@ use splitplane_cpu::CpuBackend;
 use splitplane_render::instances::Geometries;
 use splitplane_render::scene_data::NONE;
 use splitplane_render::tracer::{FrameRequest, InstanceTracer, InstancedLook};
-use splitplane_render::{Light, Material, Pinhole, RenderSettings, Size};
+use splitplane_render::{Light, LightTransport, Material, Pinhole, RenderSettings, Size};
 
 /// Triangles of geometries one after the other, and instances of them.
 #[derive(Default)]
@@ -275,4 +275,38 @@ fn triangles_that_are_not_described_are_refused() {
         let refused = InstanceTracer::load(CpuBackend::new(), &scene, &look, &options).unwrap_err();
         assert!(refused.to_string().contains("geometry 0"), "{refused}");
     }
+}
+
+/// Photons go through instances as through one mesh: the same room as one instance where it is gives the same bits, and one that is made of
+/// two, the second of which stands elsewhere, the same light.
+#[test]
+fn photons_in_a_scene_of_instances() {
+    let size = Size::new(16, 12).unwrap();
+    let settings = RenderSettings {
+        light: LightTransport::Photons,
+        photons: 100_000,
+        samples: 8,
+        passes: 2,
+        ..common::dark()
+    };
+    let room = cornell();
+    let mesh = shoot(&room, cornell_camera(size), size, &settings);
+    let instances = vec![(0, IDENTITY, NONE)];
+    let parts = Parts { world: room.clone(), first_triangles: vec![0], instances };
+    let one = parts.shoot(cornell_camera(size), size, &settings);
+    assert_eq!(mesh.renderer.radiance(), one);
+    // The block of the room, its last twelve triangles, made two to the left and brought back.
+    let block = room.triangles.len() - 12;
+    let mut parts = Parts { first_triangles: vec![0, block as u32], ..Parts::default() };
+    parts.world = room.clone();
+    for corners in &mut parts.world.triangles[block..] {
+        corners.iter_mut().for_each(|corner| corner[0] -= 2.0);
+    }
+    parts.instances = vec![(0, IDENTITY, NONE), (1, translation([2.0, 0.0, 0.0]), NONE)];
+    let two = parts.shoot(cornell_camera(size), size, &settings);
+    let mean = |picture: &[[f32; 4]]| {
+        picture.iter().map(|pixel| f64::from(pixel[0] + pixel[1])).sum::<f64>()
+    };
+    let (one, two) = (mean(&one), mean(&two));
+    assert!((one / two - 1.0).abs() < 0.003, "{one} {two}");
 }

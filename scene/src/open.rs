@@ -8,8 +8,8 @@ use std::ffi::OsStr;
 use std::path::Path;
 
 impl InstancedScene {
-    /// Whether what a user writes names a scene of many objects: the path of a .json, .gltf or .glb file, of a .scene file, which holds
-    /// what was built, or one of the built-in ones.
+    /// Whether what a user writes names a scene of many objects: the path of a .json, .gltf or .glb file, of a .scene file, which holds what
+    /// was built, or one of the built-in ones.
     pub fn is_named_by(spec: impl AsRef<OsStr>) -> bool {
         let spec = spec.as_ref();
         if let Some(name) = spec.to_str().and_then(|spec| spec.strip_prefix("builtin:")) {
@@ -23,8 +23,7 @@ impl InstancedScene {
         ending.is_some_and(|ending| ending.eq_ignore_ascii_case("json")) || is_saved(spec)
     }
 
-    /// Opens a scene by what a user writes: the path of a .json, .gltf, .glb or .scene file, or `builtin:NAME[:SIZE]`. It is in its first
-    /// frame.
+    /// Opens a scene by what a user writes: the path of a .json, .gltf, .glb or .scene file, or `builtin:NAME[:SIZE]`. It is in its first frame.
     ///
     /// # Errors
     /// There is no such scene, or one of its files is broken.

@@ -63,6 +63,10 @@ impl Default for SceneOptions {
 ///    in `Ks`, which is mirrored.
 /// 4. **Diffuse**: everything else scatters `Kd`, times the texture `map_Kd`.
 ///
+/// Mirrors and clear bodies are rough by `Pr`, from 0 to 1. Without it `Ns` says how rough they are, as Phong's exponent: the roughness is
+/// `(2 / (Ns + 2))^(1/4)`, whose square is the width of slopes (Walter et al. 2007); but where `illum` is 3 to 9, rays are traced as from a smooth
+/// surface and `Ns` says nothing.
+///
 /// `Ke` shines whatever else applies. `d` counts where both `d` and `Tr` are given. A black or
 /// missing `Kd` under a texture is white, else the texture could not be seen. Where mirrored and
 /// scattered light together would be more than comes in, less is scattered.

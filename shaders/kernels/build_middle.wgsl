@@ -23,7 +23,7 @@ const SWEEP_SAMPLES: u32 = 64u;
 // In place of an axis: the node is to be swept.
 const TO_BE_SWEPT: u32 = 4u;
 // In place of a next node: the child is none.
-const NO_CHILD: u32 = 0xffu;
+const NO_NEXT: u32 = 0xffu;
 // What `outgrown` says: the rules of the stage, a list of the device, a loop that a driver ended.
 const OUTGROWN_RULES: u32 = 1u;
 const OUTGROWN_ROOM: u32 = 2u;
@@ -68,7 +68,7 @@ var<workgroup> outgrown_now: u32;
 // By node of the level: its first reference, and behind the last node the end of all; tight bounds in order, its cuts and
 // plane, where children get references.
 var<workgroup> first: array<u32, ACTIVE_NODES + 1u>;
-// Which next nodes its children are, 8 bits each, NO_CHILD for leaves.
+// Which next nodes its children are, 8 bits each, NO_NEXT for leaves.
 var<workgroup> children: array<u32, ACTIVE_NODES>;
 var<workgroup> tight: array<atomic<u32>, 6u * ACTIVE_NODES>;
 var<workgroup> plane_axis: array<u32, ACTIVE_NODES>;
@@ -716,7 +716,7 @@ fn place_children(found: Found, turn: u32, lane: u32) {
         let axis = plane_axis[lane];
         var place = vec4<u32>(
             found.packed.x & 0xffffu, found.packed.x >> 16u, found.packed.y & 0xffu, (found.packed.y >> 8u) & 0xffu);
-        var next = vec2<u32>(NO_CHILD);
+        var next = vec2<u32>(NO_NEXT);
         if axis == TRANSFER {
             put_leaf(current, successor, Aabb(cell.lo, cell.hi), depth, node.count, place);
             places[lane] = vec2<u32>(leaf_source + place.y - before(first[lane]).x, 0u);
@@ -843,7 +843,7 @@ fn joined(bounds: Aabb, reference: Reference) -> Aabb {
 
 // What goes to a child is in its tight bounds.
 fn bound_child(child: u32, bounds: Aabb) {
-    if child != NO_CHILD && !is_empty(bounds) {
+    if child != NO_NEXT && !is_empty(bounds) {
         widen(child, bounds);
     }
 }

@@ -5,12 +5,13 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use rayon::prelude::*;
 use splitplane_core::error::QueryError;
 use splitplane_core::query::closest_point::check_lengths;
-use splitplane_core::query::overlap::{OverlapOptions, Overlaps, Volume};
+use splitplane_core::query::overlap::{OverlapOptions, Overlaps, Region, Volume};
 use splitplane_core::report::QueryReport;
 use splitplane_core::watch::Stage;
 
 use super::CpuAccelerator;
 use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
+use crate::near::cells::Walk;
 use crate::near::overlap::Overlapping;
 
 /// Volumes of one task.
@@ -87,8 +88,12 @@ impl CpuAccelerator {
         any: bool,
         options: &OverlapOptions<'_>,
     ) -> Result<Vec<u32>, QueryError> {
-        let layout = &self.layout;
+        let found = Vec::new();
+        let Some(region) = Region::new(volume)? else { return Ok(found) };
+        let mut visitor = Overlapping { region, any, options, found };
+        let walk = Walk { layout: &self.layout, visitor: &mut visitor };
         // SAFETY: `set` was detected on this processor, and the layout made for it.
-        unsafe { self.set.run(Overlapping { layout, volume, any, options }) }
+        unsafe { self.set.run(walk) }?;
+        Ok(visitor.found)
     }
 }

@@ -492,6 +492,19 @@ mod tests {
         }
     }
 
+    /// Kernels read the nine words of a triangle as three elements of four words: the last one has them all.
+    #[test]
+    fn triangles_are_padded_to_four_words() {
+        for triangles in 0..9u32 {
+            let bytes =
+                Capacities { triangles, ..Capacities::estimate(9, &BuildConfig::default()) }
+                    .bytes_of(Buffer::Triangles);
+            let last = u64::from((9 * triangles).saturating_sub(9) / 4 + 3);
+            assert!(triangles == 0 || bytes >= 16 * last, "{triangles}");
+            assert!(bytes.is_multiple_of(16) && bytes < u64::from(36 * triangles) + 16);
+        }
+    }
+
     /// The trees of sponza, 279,163 triangles: a first build finds room for them.
     #[test]
     fn small_leaves_have_room() {

@@ -5,6 +5,7 @@ use core::any::Any;
 use splitplane_core::backend::Accelerator;
 use splitplane_core::error::QueryError;
 use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
+use splitplane_core::query::cast::{Cast, CastOptions, Impact};
 use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions};
 use splitplane_core::query::inside::{LocateOptions, Located};
 use splitplane_core::query::overlap::{OverlapOptions, Overlaps, Volume};
@@ -276,6 +277,15 @@ impl Accelerator for WgpuAccelerator {
         options: &ClosestPointOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
         self.find_closest_points(points, closest, options)
+    }
+
+    fn impacts(
+        &self,
+        casts: &[Cast],
+        impacts: &mut [Impact],
+        options: &CastOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.find_impacts(casts, impacts, options)
     }
 
     fn overlaps(

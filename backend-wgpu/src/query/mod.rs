@@ -10,6 +10,7 @@ mod all_hits;
 mod answers;
 mod asked;
 mod batch;
+mod casts;
 mod closest_points;
 mod compressed;
 mod compressing;

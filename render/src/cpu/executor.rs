@@ -2,6 +2,7 @@
 
 use super::buffers::Buffers;
 use super::kernels as k;
+use super::photons::{Maps, PhotonReport, Tracing, trace};
 use super::traced::{Traced, of_scene};
 use crate::error::RenderError;
 use crate::frame::FrameInput;
@@ -47,6 +48,9 @@ pub struct CpuExecutor<'a> {
     scale: Option<SceneScale>,
     /// `None` where there is no clock.
     tracing: Option<Duration>,
+    /// The photons of this pass, and what became of those of all.
+    maps: Option<Maps>,
+    photons: PhotonReport,
 }
 
 impl core::fmt::Debug for CpuExecutor<'_> {
@@ -86,17 +90,39 @@ impl<'a> CpuExecutor<'a> {
         buffers.prepare(&plan);
         let frame = plan.frame(input.scene, &input.camera, &input.query);
         let tracing = Stopwatch::start().elapsed().map(|_| Duration::ZERO);
-        Ok(CpuExecutor { input, traced, plan, frame, buffers, scale: None, tracing })
+        let (scale, maps, photons) = (None, None, PhotonReport::default());
+        Ok(CpuExecutor { input, traced, plan, frame, buffers, scale, tracing, maps, photons })
     }
 
-    /// Begins another pass of the frame, over other samples of each pixel. The sums of counters go on.
-    pub(super) fn begin_pass(&mut self, pass: u32) {
+    /// Begins another pass of the frame, over other samples of each pixel and other photons. The sums of counters go on.
+    pub(super) fn begin_pass(&mut self, pass: u32) -> Result<(), RenderError> {
         if pass > 0 {
             self.plan = self.plan.repeated();
         }
         self.frame.first_sequence = pass * self.frame.samples;
         let counters = &mut self.buffers.counters;
         counters[Counter::PixelsLeft] = counters[Counter::Pixels];
+        if self.plan.photons() == 0 {
+            return Ok(());
+        }
+        // Those of the pass before make room.
+        self.maps = None;
+        let FrameInput { mesh, scene: data, query, .. } = self.input;
+        let scene = SceneWords { words: data.words(), frame: &self.frame };
+        let (traced, plan) = (self.traced, &self.plan);
+        let bounds = traced.bounds();
+        let stopwatch = Stopwatch::start();
+        self.maps = in_world!(traced, mesh, world => {
+            let tracing = Tracing { scene, world, bounds, traced, plan, query };
+            trace(&tracing, pass, &mut self.photons)?
+        });
+        self.add_tracing(stopwatch);
+        Ok(())
+    }
+
+    /// What became of photons so far; `None` where none were wanted.
+    pub(super) fn photons(&self) -> Option<PhotonReport> {
+        (self.plan.photons() > 0).then_some(self.photons)
     }
 
     /// The current counters.
@@ -171,6 +197,10 @@ impl Executor<RayTracer> for CpuExecutor<'_> {
                     };
                     k::shade::run(&input, &mut b.surfaces[..paths], &mut b.spawned[..chunks]);
                 });
+                if let Some(maps) = &self.maps {
+                    let surfaces = &mut b.surfaces[..paths];
+                    maps.light(frame, &b.paths[..paths], surfaces, query.watch)?;
+                }
             }
             Kernel::ScanSpawned => {
                 k::scan_spawned::run(frame, &mut b.spawned[..chunks], &mut b.counters);

@@ -4,10 +4,12 @@
 mod buffers;
 mod executor;
 mod kernels;
+mod photons;
 mod renderer;
 mod scatter;
 mod traced;
 
 pub use buffers::Buffers;
 pub use executor::CpuExecutor;
+pub use photons::{PhotonEnergy, PhotonReport};
 pub use renderer::CpuRenderer;

@@ -2,6 +2,7 @@
 
 use super::buffers::Buffers;
 use super::executor::CpuExecutor;
+use super::photons::PhotonReport;
 use super::traced::Traced;
 use crate::error::RenderError;
 use crate::frame::{FrameInput, FrameStats};
@@ -20,6 +21,7 @@ use splitplane_core::backend::scene::SceneAccelerator;
 pub struct CpuRenderer {
     buffers: Buffers,
     room: Room,
+    photons: Option<PhotonReport>,
 }
 
 impl Default for CpuRenderer {
@@ -36,7 +38,7 @@ impl CpuRenderer {
 
     /// A renderer whose queues have other capacities. Pictures do not depend on them.
     pub fn with_room(room: Room) -> CpuRenderer {
-        CpuRenderer { buffers: Buffers::default(), room }
+        CpuRenderer { buffers: Buffers::default(), room, photons: None }
     }
 
     /// Renders a frame. `accelerator` must be built over the mesh of `input`.
@@ -78,7 +80,7 @@ impl CpuRenderer {
         loop {
             let mut executor = CpuExecutor::of(*input, traced, plan, &mut self.buffers)?;
             for pass in 0..settings.passes {
-                executor.begin_pass(pass);
+                executor.begin_pass(pass)?;
                 schedule::pass(&mut executor, &if pass == 0 { plan } else { plan.repeated() })?;
                 // The other passes would be thrown away.
                 if executor.counters()[Counter::Overflow] != 0 {
@@ -87,8 +89,11 @@ impl CpuRenderer {
             }
             schedule::finish(&mut executor, &plan)?;
             let (counters, tracing) = (*executor.counters(), executor.tracing());
+            self.photons = executor.photons();
             if counters[Counter::Overflow] == 0 {
-                return Ok(FrameStats::new(plan, &counters, tracing));
+                let photon_rays = self.photons.map_or(0, |photons| photons.rays);
+                let stats = FrameStats::new(plan, &counters, tracing);
+                return Ok(FrameStats { photon_rays, ..stats });
             }
             plan = plan.halved().ok_or(RenderError::PixelTooDeep {
                 paths: plan.path_room(),
@@ -115,6 +120,11 @@ impl CpuRenderer {
     /// The cost of the first ray of each pixel.
     pub fn first_costs(&self) -> &[FirstCost] {
         &self.buffers.first_costs
+    }
+
+    /// What became of the photons of the last frame; `None` where it needed none.
+    pub fn photons(&self) -> Option<&PhotonReport> {
+        self.photons.as_ref()
     }
 
     /// Bytes that are held between frames.

@@ -4,6 +4,7 @@ use crate::scene_data::instances::InstanceTable;
 use core::sync::atomic::AtomicU64;
 use core::sync::atomic::Ordering::Relaxed;
 use rayon::prelude::*;
+use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::Accelerator;
 use splitplane_core::backend::scene::SceneAccelerator;
 use splitplane_core::error::QueryError;
@@ -28,6 +29,22 @@ pub(super) fn of_scene<'a>(options: &QueryOptions<'a>) -> SceneOptions<'a> {
 }
 
 impl Traced<'_> {
+    /// A box around all that is shown.
+    pub(crate) fn bounds(self) -> Aabb {
+        match self {
+            Traced::Mesh(accelerator) => accelerator.tree().bounds,
+            Traced::Scene(scene, table, _) => {
+                let mut all = Aabb::EMPTY;
+                for (name, placement) in scene.scene().placements() {
+                    if let Some(shown) = table.shown(name.0) {
+                        all = all.union(&shown.box_in_world(&placement.bounds));
+                    }
+                }
+                all
+            }
+        }
+    }
+
     /// The closest hits; of a scene also their instances, in as many words.
     pub(crate) fn closest_hits(
         self,

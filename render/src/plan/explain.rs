@@ -2,6 +2,7 @@
 
 use super::Plan;
 use crate::kernel::{Buffer, Kernel};
+use crate::settings::LightTransport;
 use core::fmt::Write;
 
 impl Plan {
@@ -24,6 +25,13 @@ impl Plan {
             self.waves(),
             self.path_room
         ));
+        if self.photons() > 0 {
+            line(format_args!(
+                "photons  {} a pass, at least one of each light, of at most {} rays each",
+                self.photons(),
+                self.settings.depth + 1
+            ));
+        }
         let steps: Vec<&str> = self.kernels().map(Kernel::name).collect();
         line(format_args!("steps    {}", steps.join(", ")));
         for reason in self.left_out() {
@@ -63,6 +71,13 @@ impl Plan {
             (_, 0) => reasons.push("further waves: the depth is 0"),
             _ if !needs.dielectrics => reasons.push("refraction: nothing is clear"),
             _ => {}
+        }
+        if self.settings.light == LightTransport::Photons && self.photons() == 0 {
+            reasons.push(match (needs.diffuse, self.settings.depth) {
+                (true, 1..) => "photons: nothing shines",
+                (true, 0) => "photons: the depth is 0",
+                (false, _) => "photons: no surface scatters light evenly",
+            });
         }
         if self.light_samples() == 0 {
             reasons.push("shadow rays: there are no lights");

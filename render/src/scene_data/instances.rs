@@ -3,6 +3,7 @@
 use super::round::{self, RoundPlace};
 use super::{AppearanceError, NONE};
 use crate::vector::{Vector, greatest};
+use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::{Arithmetic, Strict, snap};
 use splitplane_core::backend::scene::BuiltScene;
 use splitplane_core::ray::{Hit, Ray};
@@ -92,6 +93,21 @@ impl Shown {
             }
         }
         (world, reach)
+    }
+
+    /// A box in the world around one of the object's; nothing around nothing.
+    pub(crate) fn box_in_world(&self, bounds: &Aabb) -> Aabb {
+        if bounds.is_empty() {
+            return Aabb::EMPTY;
+        }
+        let ends = [bounds.lo, bounds.hi];
+        let corner = |i: usize| [ends[i & 1][0], ends[i >> 1 & 1][1], ends[i >> 2][2]];
+        let four = |first: usize| {
+            let (three, _) = self.in_world(&[0, 1, 2].map(|i| corner(first + i)));
+            let (last, _) = self.in_world(&[corner(first + 3); 3]);
+            [three[0], three[1], three[2], last[0]]
+        };
+        Aabb::of_points([four(0), four(4)].as_flattened())
     }
 
     /// How many times as far off a triangle rays must start as in a mesh that stands in the world.

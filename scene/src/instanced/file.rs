@@ -164,6 +164,13 @@ fn materials<'a>(
         if let Some(glass) = &own.glass {
             material = material.with_dielectric(glass.index, glass.tint.unwrap_or([1.0; 3]));
         }
+        if let Some(roughness) = own.roughness {
+            if own.glass.is_none() && own.mirror.is_none() {
+                let problem = "only mirrors and clear bodies are rough: give `mirror` or `glass`";
+                return Err((field("roughness"), SceneFileProblem::Wrong(problem)));
+            }
+            material = material.with_roughness(roughness);
+        }
         material = material.with_emission(own.emission.unwrap_or_default());
         if numbers.insert(own.name.as_str(), index as u32).is_some() {
             let name = quoted(&own.name);

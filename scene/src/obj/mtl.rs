@@ -16,6 +16,10 @@ pub(super) struct Entry {
     pub(super) dissolve: Option<f32>,
     /// `Tr`: 0 is opaque.
     pub(super) transparency: Option<f32>,
+    /// `Pr`.
+    pub(super) roughness: Option<f32>,
+    /// `Ns`.
+    pub(super) exponent: Option<f32>,
     pub(super) illum: Option<i64>,
     /// The picture of `map_Kd`, as written.
     pub(super) map: Option<String>,
@@ -53,6 +57,8 @@ pub(super) fn parse(text: &str, mut found: impl FnMut(Entry)) -> Vec<String> {
             "Ni" => last_number(rest).map(|value| entry.refractive_index = Some(value)),
             "d" => last_number(rest).map(|value| entry.dissolve = Some(value)),
             "Tr" => last_number(rest).map(|value| entry.transparency = Some(value)),
+            "Pr" => last_number(rest).map(|value| entry.roughness = Some(value)),
+            "Ns" => last_number(rest).map(|value| entry.exponent = Some(value)),
             "illum" => match rest.parse() {
                 Ok(value) => {
                     entry.illum = Some(value);
@@ -210,7 +216,7 @@ mod tests {
     #[test]
     fn every_keyword_is_kept() {
         let text = "Kd 9 9 9\nnewmtl a b\nKd .1 .2 .3\nKs 0.5\nKe 125 100 75\nTf 1 .5 0\nNi 1.5\n\
-                    d -halo 0.25\nTr 0.75\nillum 7\nmap_kd  a b.png\nMap_D -imfchan m leaf.png\nNs 10\nmap_Bump x.png\nnewmtl c";
+                    d -halo 0.25\nTr 0.75\nillum 7\nmap_kd  a b.png\nMap_D -imfchan m leaf.png\nNs 10\nPr 0.5\nmap_Bump x.png\nnewmtl c";
         let (entries, warnings) = parse(text);
         assert_eq!(warnings, [""; 0]);
         let want = Entry {
@@ -222,6 +228,8 @@ mod tests {
             refractive_index: Some(1.5),
             dissolve: Some(0.25),
             transparency: Some(0.75),
+            roughness: Some(0.5),
+            exponent: Some(10.0),
             illum: Some(7),
             map: Some("a b.png".into()),
             cutout: Some("leaf.png".into()),

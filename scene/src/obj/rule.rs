@@ -66,12 +66,13 @@ pub(super) fn material(
         None => black,
     };
     let made = Material::new(entry.name.as_str(), diffuse).with_emission(emission.unwrap_or(black));
+    let rough = |made: Material| made.with_roughness(roughness(entry));
     if clear {
         let tint = match refracts {
             true => filter,
             false => [0, 1, 2].map(|k| (1.0 - opaque) * filter[k] + opaque * made.diffuse[k]),
         };
-        return (Some(made.with_dielectric(index, tint)), odd);
+        return (Some(rough(made.with_dielectric(index, tint))), odd);
     }
     let mirror = match rule {
         MaterialRule::Specular => specular.filter(|c| c.iter().any(|part| *part > LEAST_SPECULAR)),
@@ -80,9 +81,18 @@ pub(super) fn material(
     };
     let all_in_specular = || specular.filter(|_| diffuse == black);
     match mirror.or_else(all_in_specular) {
-        Some(mirror) => (Some(made.with_mirror(mirror)), odd),
+        Some(mirror) => (Some(rough(made.with_mirror(mirror))), odd),
         None => (Some(made), odd),
     }
+}
+
+/// How rough a mirror or clear body is. What `illum` has traced as mirrors or glass is smooth, and its `Ns` is of highlights alone.
+fn roughness(entry: &Entry) -> f32 {
+    let traced = matches!(entry.illum, Some(3..=9));
+    let exponent = entry.exponent.filter(|_| !traced);
+    // Walter et al. 2007: the width of slopes that gives about the highlight of Phong's exponent.
+    let by_exponent = exponent.map(|n| (2.0 / (n.max(0.0) + 2.0)).sqrt().sqrt());
+    entry.roughness.or(by_exponent).unwrap_or(0.0)
 }
 
 /// The part of the light that does not get through, 0 to 1.
@@ -94,4 +104,43 @@ fn opaque_part(entry: &Entry, odd: &mut Vec<Odd>) -> f32 {
         odd.push(Odd::Disagrees);
     }
     entry.dissolve.or(by_transparency).unwrap_or(1.0).clamp(0.0, 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn roughness_is_that_of_pr_or_else_of_ns() {
+        let metal = Entry { specular: Some([0.9; 3]), ..Entry::default() };
+        let glass = Entry { dissolve: Some(0.0), ..Entry::default() };
+        let rough = |entry: &Entry| {
+            let (made, odd) = material(entry, MaterialRule::Illum, false);
+            assert!(odd.is_empty());
+            made.unwrap().roughness
+        };
+        for entry in [metal, glass] {
+            let with = |roughness, exponent, illum| {
+                rough(&Entry { roughness, exponent, illum, ..entry.clone() })
+            };
+            assert_eq!(with(None, None, None), 0.0);
+            assert_eq!(with(Some(0.3), Some(10.0), Some(2)), 0.3);
+            assert_eq!(with(Some(3.0), None, Some(3)), 1.0);
+            assert_eq!(with(None, Some(0.0), None), 1.0);
+            assert_eq!(with(None, Some(-5.0), None), 1.0);
+            assert_eq!(with(None, Some(30.0), Some(2)), 0.5);
+            assert!(with(None, Some(f32::MAX), None) < 1e-9);
+        }
+        let traced = Entry {
+            diffuse: Some([0.5; 3]),
+            specular: Some([0.5; 3]),
+            illum: Some(3),
+            exponent: Some(30.0),
+            ..Entry::default()
+        };
+        assert_eq!(rough(&traced), 0.0);
+        assert_eq!(rough(&Entry { roughness: Some(0.2), ..traced.clone() }), 0.2);
+        // What is neither mirror nor clear is not rough.
+        assert_eq!(rough(&Entry { illum: Some(2), roughness: Some(0.2), ..traced }), 0.0);
+    }
 }

@@ -121,6 +121,6 @@ mod tests {
     #[test]
     fn nodes_are_numbered_by_level_and_numbers_are_short() {
         assert_eq!([&[][..], &[0], &[1], &[0, 0], &[1, 1]].map(by_level), [0, 1, 2, 3, 6]);
-        assert_eq!([4.0, 0.5, 3.14159, 10.0].map(short), ["4", "0.5", "3.14", "10"]);
+        assert_eq!([4.0, 0.5, 2.34567, 10.0].map(short), ["4", "0.5", "2.35", "10"]);
     }
 }

@@ -36,6 +36,8 @@ pub(super) struct Material {
     pub(super) mirror: Option<[f32; 3]>,
     #[serde(default)]
     pub(super) glass: Option<Glass>,
+    #[serde(default, deserialize_with = "roughness")]
+    pub(super) roughness: Option<f32>,
     #[serde(default, deserialize_with = "not_negative")]
     pub(super) emission: Option<[f32; 3]>,
 }
@@ -243,6 +245,10 @@ fn points<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Vec<[f32; 3]>>, D
 
 fn parts<'de, D: Deserializer<'de>>(from: D) -> Result<Option<[f32; 3]>, D::Error> {
     checked(from, |part| (0.0..=1.0).contains(&part), "parts of light are from 0 to 1").map(Some)
+}
+
+fn roughness<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f32>, D::Error> {
+    checked(from, |x| (0.0..=1.0).contains(&x), "a roughness is from 0 to 1").map(Some)
 }
 
 fn not_negative<'de, D: Deserializer<'de>>(from: D) -> Result<Option<[f32; 3]>, D::Error> {

@@ -9,7 +9,7 @@ use splitplane_core::scene::translation;
 const GOOD: &str = r#"{
   "format": "splitplane-scene", "version": 1, "frames": 5, "seconds_per_frame": 0.5,
   "materials": [
-    {"name": "red", "diffuse": [0.7, 0.1, 0.1], "mirror": [0.1, 0.1, 0.1]},
+    {"name": "red", "diffuse": [0.7, 0.1, 0.1], "mirror": [0.1, 0.1, 0.1], "roughness": 0.25},
     {"name": "glass", "glass": {"index": 1.5, "tint": [1, 0.9, 0.9]}},
     {"name": "lamp", "emission": [3, 2, 1]}
   ],
@@ -66,6 +66,7 @@ fn a_file_says_what_is_where() {
     assert!([1, 5].iter().all(|triangle: &usize| scene.parts.material_of[*triangle] > 2));
     assert_eq!(scene.parts.lights.len(), 2);
     assert!(scene.parts.materials[1].dielectric.is_some() && scene.parts.materials[2].shines());
+    assert_eq!([0, 1, 2].map(|index| scene.parts.materials[index].roughness), [0.25, 0.0, 0.0]);
     let mut described = scene.describe().unwrap();
     assert_eq!(scene.set(2, &mut described), Ok(1));
     assert_eq!(scene.instances[3].transform, translation([0.0, 2.0, 0.0]));
@@ -265,6 +266,13 @@ fn what_is_wrong_is_named_with_its_place() {
         ("\"mask\": 3", "\"mask\": -3", "line 16, column", "instances[0].mask: "),
         ("\"mask\": 3", "\"colour\": 3", "instances[0].colour: unknown field `colour`", "expected"),
         ("[0.7, 0.1, 0.1]", "[0.7, 1.1, 0.1]", "materials[0].diffuse: ", "from 0 to 1"),
+        ("ness\": 0.25", "ness\": 1.25", "materials[0].roughness: ", "from 0 to 1"),
+        (
+            ", \"mirror\": [0.1, 0.1, 0.1]",
+            "",
+            "materials[0].roughness: ",
+            "only mirrors and clear bodies",
+        ),
         ("[1,0,0,4,", "[1,0,0,1e300,", "instances[0].transform: ", "finite"),
         (
             "{\"geometry\": \"one\"",

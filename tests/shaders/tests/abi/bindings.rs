@@ -194,6 +194,7 @@ fn is_of<S: Shaders>(parsed: &Parsed, global: &GlobalVariable, buffer: S::Buffer
             stride == 4
                 || (stride == element && !shared)
                 || (S::BY_FOUR_WORDS && stride == 16 && element.is_multiple_of(16))
+                || (S::PADDED.contains(&buffer) && stride == 16)
         }
         ArraySize::Pending(_) => false,
     }

@@ -30,6 +30,8 @@ pub(crate) trait Shaders: KernelSet {
     const SINGLES: &'static [Self::Buffer];
     /// Whether lists of whole vectors may be bound four words at a time.
     const BY_FOUR_WORDS: bool = true;
+    /// Lists of other elements that may be too: devices make them a multiple of 16 bytes long.
+    const PADDED: &'static [Self::Buffer] = &[];
 
     /// Every text that a kernel may have.
     fn texts() -> Vec<(Self::Kernel, Vec<Text>)> {
@@ -70,6 +72,7 @@ impl Shaders for TreeBuilder {
     const LAYOUT: &'static str = "layout";
     const SINGLES: &'static [Buffer] = &[Buffer::Counters];
     const BY_FOUR_WORDS: bool = false;
+    const PADDED: &'static [Buffer] = &[Buffer::Triangles];
 
     fn records() -> Vec<Record> {
         records::of_core()
