@@ -54,7 +54,7 @@ struct Path {
     sequence: u32,
     density: f32,
     sky_density: f32,
-    padding: u32,
+    history: u32,
 }
 
 struct Surface {

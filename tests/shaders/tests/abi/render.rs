@@ -15,7 +15,7 @@ use crate::source::Text;
 /// The records of the ray tracer.
 pub(crate) fn records() -> Vec<Record> {
     vec![
-        record!(Path { weight pixel sequence density sky_density padding }),
+        record!(Path { weight pixel sequence density sky_density history }),
         record!(Surface {
             point offset geometric_normal material normal lights scattering flags light incoming
         }),
