@@ -74,6 +74,13 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             output::note(&format!("note: {}: {sentence}", quoted(&scene.name)));
         }
     }
+    let solids = scene.geometries.iter().filter(|own| own.solids.is_some()).count();
+    if solids > 0 && !arguments.quiet {
+        let name = quoted(&scene.name);
+        output::note(&format!(
+            "note: {name}: {solids} geometries of spheres or capsules are left out"
+        ));
+    }
     let failed = |problem: MeshFileProblem| {
         let shown = quoted_path(&arguments.output);
         Failure::limit(format!("cannot write `{shown}`: {problem}"))

@@ -25,8 +25,9 @@ fn ends(folder: &TempDir, code: i32, arguments: &[&str]) -> (String, String) {
     (out, error)
 }
 
+/// The digest of the tree over all of a scene as one mesh.
 fn digest(folder: &TempDir, scene: &str) -> String {
-    let (out, _) = ends(folder, 0, &["build", scene, "--json", "--quiet"]);
+    let (out, _) = ends(folder, 0, &["stats", scene, "--json", "--quiet", "--rays", "10"]);
     let report: Value = serde_json::from_str(&out).unwrap();
     report["digest"].as_str().unwrap().to_owned()
 }
@@ -43,6 +44,7 @@ fn what_is_written_gives_the_same_tree() {
     ends(&folder, 0, &["convert", "builtin:forest:20", "forest.glb"]);
     ends(&folder, 0, &["convert", "forest.glb", "forest.ply"]);
     assert_eq!(digest(&folder, "forest.glb"), digest(&folder, "forest.ply"));
+    ends(&folder, 0, &["build", "forest.glb"]);
     let small = ["--size", "32x20", "--samples", "1", "--quiet", "--json"];
     for scene in ["forest.glb", "forest.ply"] {
         let (out, _) = ends(&folder, 0, &[&["render", scene], &small[..]].concat());

@@ -260,8 +260,8 @@ impl From<Scene> for InstancedScene {
         let name = parts.name.clone();
         let (vertices, triangles) =
             (0..parts.positions.len() as u32, 0..parts.indices.len() as u32);
-        let geometries =
-            vec![Geometry { name: name.clone(), vertices, triangles, ..Geometry::default() }];
+        let own = Geometry { name: name.clone(), vertices, triangles, ..Geometry::default() };
+        let geometries = vec![own];
         let instances = vec![Placed::new(0, Pose::IDENTITY.transform())];
         let (frames, seconds_per_frame) = (1, 1.0 / 24.0);
         InstancedScene { name, parts, geometries, instances, frames, seconds_per_frame }

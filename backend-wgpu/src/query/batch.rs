@@ -126,7 +126,8 @@ impl Queries {
     ) -> Result<Staging, GpuError> {
         checked(self.gpu(), "the upload of rays", || {
             let count = rays.len() as u32;
-            let set = self.staging.take(self.gpu(), count, most, asked)?;
+            let each = [asked.result_bytes(), asked.scratch_bytes()];
+            let set = self.staging.take(self.gpu(), count, most, each)?;
             let queue = self.gpu().queue();
             let room = asked.room();
             let batch = BatchUniform { room, ..BatchUniform::new(count, options) };

@@ -6,7 +6,6 @@ use splitplane_core::kernel::QueryKernel;
 use splitplane_core::layout::BatchUniform;
 use splitplane_core::ray::Hit;
 
-use super::asked::Asked;
 use super::layout::{DEFERRED_USAGE, RAY_BYTES};
 use crate::device::gpu::Gpu;
 use crate::error::GpuError;
@@ -35,16 +34,15 @@ pub(super) struct Staging {
 pub(super) struct StagingPool(Mutex<Vec<Staging>>);
 
 impl StagingPool {
-    /// A set with capacity for `rays` rays and what is asked of them: a kept one, else a new one with up to twice
+    /// A set with capacity for `rays` rays, with results and scratch memory of `each` bytes: a kept one, else a new one with up to twice
     /// that capacity, but at most `most`.
     pub(super) fn take(
         &self,
         gpu: &Gpu,
         rays: u32,
         most: u32,
-        asked: Asked,
+        [each, scratch_each]: [u64; 2],
     ) -> Result<Staging, GpuError> {
-        let (each, scratch_each) = (asked.result_bytes(), asked.scratch_bytes());
         // A poisoned lock means that another thread panicked between two statements that cannot
         // leave the list inconsistent.
         let mut kept = self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner());

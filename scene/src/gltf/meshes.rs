@@ -87,15 +87,12 @@ impl<'l> Meshes<'l> {
         scene: &mut InstancedScene,
     ) -> Result<(), Located> {
         let attribute = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).copied();
-        let mode = match primitive.mode {
-            Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => {
-                mode
-            }
-            // Points and lines.
-            _ => {
-                scene.parts.notes.skipped_elements += 1;
-                return Ok(());
-            }
+        // Points and lines.
+        let Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) =
+            primitive.mode
+        else {
+            scene.parts.notes.skipped_elements += 1;
+            return Ok(());
         };
         let Some(positions) = attribute(Semantic::Positions) else {
             scene.parts.notes.skipped_elements += 1;

@@ -371,7 +371,7 @@ fn no_bytes_do_anything_but_be_read_or_refused() {
         }
     };
     // The picture and the numbers are most of the text: of those only some bytes.
-    let odd = |at: &usize| at % 7 == 0 || !good.as_bytes()[*at].is_ascii_alphanumeric();
+    let odd = |at: &usize| at.is_multiple_of(7) || !good.as_bytes()[*at].is_ascii_alphanumeric();
     for at in (0..good.len()).filter(odd) {
         check(&good.as_bytes()[..at]);
         for other in *b"9-e\"[},\x07" {

@@ -15,7 +15,8 @@ const FLOAT: u32 = 5126;
 
 /// The scene as a `.glb` file: a mesh for each geometry (and material given to an instance), a node for each instance, the keys of those
 /// that move as an animation; the camera, and lights as punctual ones; textures as PNG. Read again it has the same positions bit for bit
-/// and the same triangles in the order of their materials. Masks, culling and users' numbers have no place in it.
+/// and the same triangles in the order of their materials. Spheres and capsules, masks, culling and users' numbers have no
+/// place in it.
 ///
 /// # Errors
 /// It would have more bytes than the format can count.

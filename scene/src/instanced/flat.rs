@@ -8,7 +8,7 @@ use splitplane_core::mesh::MAX_TRIANGLES;
 
 impl InstancedScene {
     /// The triangles of all instances, one after the other, in the world, in at most `limit` bytes. Places are computed in `f64` and
-    /// rounded once; where an instance is reflected, the corners of its triangles run the other way around.
+    /// rounded once; where an instance is reflected, the corners of its triangles run the other way around. Spheres, capsules and opacity masks are left out.
     ///
     /// # Errors
     /// They have more triangles than one tree can hold, or take more bytes.

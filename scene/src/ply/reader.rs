@@ -97,11 +97,11 @@ fn note_colours(header: &Header, scene: &mut Scene) {
     }
 }
 
-/// Positions and unit normals; no normals where there are none.
-fn vertices(
-    body: &mut Body<'_>,
-    element: &Element,
-) -> Result<(Vec<[f32; 3]>, Vec<[f32; 3]>), Located> {
+/// Positions and unit normals.
+type Vertices = (Vec<[f32; 3]>, Vec<[f32; 3]>);
+
+/// The vertices; no normals where there are none.
+fn vertices(body: &mut Body<'_>, element: &Element) -> Result<Vertices, Located> {
     let parts: Vec<Option<Part>> = element.properties.iter().map(Part::of).collect();
     let has = |name: &str| element.properties.iter().filter(|own| own.name == name).count();
     let missing = ["x", "y", "z"].into_iter().find(|name| has(name) != 1);
