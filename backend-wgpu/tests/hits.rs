@@ -498,7 +498,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             let found: Vec<Hit> = bytemuck::pod_collect_to_vec(&common::read(&hits));
             let mut filtered = 0;
             for (ray, hit) in rays.iter().zip(&found) {
-                let keep = |hit: &Hit| hit.triangle % 3 != 0 && hit.u >= least_u;
+                let keep = |hit: &Hit| !hit.triangle.is_multiple_of(3) && hit.u >= least_u;
                 let expected = case.filtered(ray, keep);
                 assert_eq!(bits(hit), bits(&expected), "{}: {ray:?}", scene.name);
                 let all = case.reference(ray, &Default::default(), Query::Closest);

@@ -21,7 +21,7 @@ const MOST_SIDE: u32 = 1 << 16;
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
-    /// An .obj file or builtin:NAME[:SIZE]
+    /// An .obj, .ply, .stl, .gltf or .glb file, or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE")]
     scene: OsString,
     /// The file of distances, .npy of f32: that of shape (nx, ny, nz) has at i, j, k the distance of the point origin + step (i, j, k)

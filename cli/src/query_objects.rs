@@ -3,7 +3,7 @@
 use super::failure::Failure;
 use super::objects_built::{BuiltObjects, ObjectsReport};
 use super::prepared::{counted, milliseconds, print_json};
-use super::query::{Arguments, Given, Kind, UndecidedName, answers, median};
+use super::query_given::{Arguments, Given, Kind, UndecidedName, answers, median};
 use super::{hit_file, output, progress};
 use serde::Serialize;
 use splitplane::objects::{

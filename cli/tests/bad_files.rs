@@ -121,7 +121,7 @@ fn generate(random: &mut Random, folder: &TempDir) -> Case {
                 "builtin:nothing",
                 "builtin:city:0",
                 "builtin:city:nan",
-                "a.ply",
+                "a.fbx",
                 "",
                 "builtin:",
             ]);

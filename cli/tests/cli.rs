@@ -232,6 +232,7 @@ fn render_reports_its_fields() {
         "lights_asked",
         "emitters",
         "paths",
+        "photon_rays",
         "shadow_rays",
         "redone",
         "trace_ms",

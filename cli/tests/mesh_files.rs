@@ -50,7 +50,7 @@ fn what_is_written_gives_the_same_tree() {
         let (out, _) = ends(&folder, 0, &[&["render", scene], &small[..]].concat());
         assert!(out.contains("splitplane-forest.png"), "{out}");
     }
-    ends(&folder, 0, &["convert", "builtin:flock:9", "flock.glb", "--quiet"]);
+    ends(&folder, 0, &["convert", "builtin:flock:10", "flock.glb", "--quiet"]);
     let (out, _) =
         ends(&folder, 0, &["animate", "flock.glb", "--count", "2", "--size", "32x20", "--json"]);
     let report: Value = serde_json::from_str(&out).unwrap();
@@ -68,7 +68,7 @@ fn an_stl_file_is_a_mesh_for_every_verb() {
     ends(&folder, 0, &["stats", "a.stl", "--rays", "50"]);
     fs::write(folder.path().join("cut.stl"), format!("solid\n{}", &facet[..40])).unwrap();
     let (_, error) = ends(&folder, 3, &["build", "cut.stl"]);
-    assert!(error.contains("`cut.stl`, line ") && error.contains("a facet"), "{error}");
+    assert!(error.contains("`cut.stl`, line 4: ") && error.contains("a vertex"), "{error}");
     let (_, error) = ends(&folder, 4, &["build", "a.stl", "--max-file", "20"]);
     assert!(error.contains("; --max-file allows more"), "{error}");
     fs::write(

@@ -380,7 +380,7 @@ fn pictures_can_be_read_and_show_something() {
     for name in FILES.iter().filter(|name| name.ends_with(".png")) {
         let picture = image::open(made.path(name)).unwrap().to_rgb8();
         let (width, height) = picture.dimensions();
-        let expected = if name.starts_with("figure-11") { 96 } else { 700 };
+        let expected = if name.starts_with("figure-11") { 96 } else { 600 };
         assert!(width >= expected && height >= expected, "{name}");
         let mut counts: HashMap<[u8; 3], usize> = HashMap::new();
         for pixel in picture.pixels() {

@@ -289,7 +289,18 @@ fn the_documents_name_options_that_exist() {
     let part = part.split("\n## ").next().unwrap();
     let mut help = String::new();
     for verb in [
-        "render", "animate", "build", "stats", "query", "verify", "adapters", "parity", "paper",
+        "render",
+        "animate",
+        "build",
+        "stats",
+        "query",
+        "points",
+        "distances",
+        "convert",
+        "verify",
+        "adapters",
+        "parity",
+        "paper",
         "trade",
     ] {
         help += &succeed(&folder, &[verb, "--help"]);

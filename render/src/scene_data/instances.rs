@@ -1,6 +1,6 @@
 //! What frames read of the instances of a scene: where each is, which triangles it shows, and in which material.
 
-use super::round::{self, RoundPlace};
+use super::round::{self, RoundPlace, Ways};
 use super::{AppearanceError, NONE};
 use crate::vector::{Vector, greatest};
 use splitplane_core::aabb::Aabb;
@@ -25,9 +25,9 @@ pub struct Geometries<'a> {
 /// An instance, as kernels see it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shown {
-    pub(super) transform: Transform,
+    transform: Transform,
     /// From the world to the object.
-    pub(super) inverse: Transform,
+    inverse: Transform,
     /// Its shapes among those of the table, or [`NONE`] for triangles.
     shapes: u32,
     /// The number of its geometry's first triangle among those of all.
@@ -209,7 +209,9 @@ impl InstanceTable {
     pub(crate) fn round(&self, ray: &Ray, hit: &Hit, instance: u32) -> Option<RoundPlace> {
         let shown = self.shown(instance)?;
         let shapes = self.shapes.get(shown.shapes as usize)?.shapes()?;
-        Some(round::place(shapes, shown, ray, hit))
+        let (transform, inverse) = (&shown.transform, &shown.inverse);
+        let ways = Ways { transform, inverse, stretch: shown.stretch() };
+        Some(round::place(shapes, &ways, ray, hit))
     }
 
     pub(crate) fn shown(&self, instance: u32) -> Option<&Shown> {

@@ -1,7 +1,7 @@
 //! Where rays meet shapes: spheres, capsules and those of the user's own, which have no corners.
 
-use super::instances::Shown;
 use splitplane_core::ray::{Hit, Ray};
+use splitplane_core::scene::Transform;
 use splitplane_core::scene::shape::{SHAPE_SLACK, Shapes};
 
 /// A place on a shape, in the world.
@@ -13,6 +13,15 @@ pub(crate) struct RoundPlace {
     pub(crate) offset: f32,
 }
 
+/// An instance's ways between its space and the world.
+pub(super) struct Ways<'a> {
+    pub(super) transform: &'a Transform,
+    /// From the world to the object.
+    pub(super) inverse: &'a Transform,
+    /// How much larger roundings in the object's space are in the world.
+    pub(super) stretch: f32,
+}
+
 /// Roundings of the point and of a ray's way into the object's space, in units of 2^-24 of what goes into them: as for triangles.
 const UNITS: f64 = 64.0 / 16_777_216.0;
 
@@ -22,8 +31,8 @@ const UNITS: f64 = 64.0 / 16_777_216.0;
 /// brought onto the sphere or capsule along its normal `n`, so it is as near to the surface as `f64` can tell. A ray
 /// that starts there must be farther from the surface than the test of it errs, `e` in the object's space ([`SHAPE_SLACK`]). An offset `h` along
 /// the world's normal, `M^T n` over its length, M the inverse, moves by `h |M^T n|` along `n`. So `h` is `e / |M^T n|`.
-pub(crate) fn place(shapes: &Shapes, shown: &Shown, ray: &Ray, hit: &Hit) -> RoundPlace {
-    let inverse = shown.inverse.map(|row| row.map(f64::from));
+pub(super) fn place(shapes: &Shapes, ways: &Ways<'_>, ray: &Ray, hit: &Hit) -> RoundPlace {
+    let inverse = ways.inverse.map(|row| row.map(f64::from));
     let t = f64::from(hit.t);
     let [origin, direction] = [ray.origin, ray.direction].map(|x| x.map(f64::from));
     let met = [0, 1, 2].map(|k| {
@@ -59,7 +68,7 @@ pub(crate) fn place(shapes: &Shapes, shown: &Shown, ray: &Ray, hit: &Hit) -> Rou
         (a * outwards[0] + b * outwards[1]) + c * outwards[2]
     });
     let (mut point, mut reach) = ([0.0; 3], 0.0f64);
-    for (to, row) in point.iter_mut().zip(&shown.transform) {
+    for (to, row) in point.iter_mut().zip(ways.transform) {
         let [a, b, c, d] = row.map(f64::from);
         let parts = [a * local[0], b * local[1], c * local[2], d];
         *to = (((parts[0] + parts[1]) + parts[2]) + parts[3]) as f32;
@@ -74,7 +83,7 @@ pub(crate) fn place(shapes: &Shapes, shown: &Shown, ray: &Ray, hit: &Hit) -> Rou
     });
     let stretched = length(normal);
     let within = if stretched > 0.0 { SHAPE_SLACK * size / stretched } else { 0.0 };
-    let offset = within + reach * f64::from(shown.stretch()) * UNITS;
+    let offset = within + reach * f64::from(ways.stretch) * UNITS;
     RoundPlace { point, normal: unit(normal).map(|x| x as f32), offset: offset as f32 }
 }
 

@@ -99,7 +99,7 @@ fn with_numbers_changed(source: &mut Source<'_>, bytes: &[u8]) -> Vec<u8> {
         let own = json[start..].find([',', ']', '}']).unwrap_or(0);
         json.replace_range(start..start + own, source.pick(&ODD));
     }
-    while json.len() % 4 != 0 {
+    while !json.len().is_multiple_of(4) {
         json.push(' ');
     }
     let mut out = b"glTF".to_vec();
