@@ -9,6 +9,7 @@ use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::error::QueryError;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
+use splitplane_core::query::cast::{Cast, CastOptions, Impact};
 use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions};
 use splitplane_core::query::inside::{LocateOptions, Located};
 use splitplane_core::query::overlap::{OverlapOptions, Overlaps, Volume};
@@ -150,12 +151,30 @@ impl Accelerator for Shared {
         self.0.all_hits(rays, options)
     }
 
+    fn count_hits(
+        &self,
+        rays: &[Ray],
+        counts: &mut [u32],
+        options: &AllHitsOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.0.count_hits(rays, counts, options)
+    }
+
     fn locate(
         &self,
         points: &[[f32; 3]],
         options: &LocateOptions<'_>,
     ) -> Result<Located, QueryError> {
         self.0.locate(points, options)
+    }
+
+    fn impacts(
+        &self,
+        casts: &[Cast],
+        impacts: &mut [Impact],
+        options: &CastOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.0.impacts(casts, impacts, options)
     }
 
     fn closest_points(

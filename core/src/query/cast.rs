@@ -8,7 +8,7 @@
 //!
 //! *Why no tree changes the answer.* Let R be the greatest distance along an axis between the middle and a corner of the scene's box at the start, or the radius or a side of
 //! the box if that is greater. Squares err by parts in 2^50 of R^2, so at a candidate the middle is within radius + 2^-24 R of the triangle. A cell is passed over only
-//! where the middle enters the box around the cell, wider by radius and [`SLACK`] R, 2^-20 R, later than the best candidate.
+//! where the middle enters the box around the cell, wider by radius and `SLACK` R, 2^-20 R, later than the best candidate.
 //!
 //! *How good it is.* Against exact overlaps, radii wrong by 2^-20 R make the difference between before, at and after the impact
 //! (`backend-cpu/tests/casts.rs`).

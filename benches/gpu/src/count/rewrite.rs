@@ -38,11 +38,11 @@ const MAIN: &str = "counted_main";
 /// What stands behind it: sums over a workgroup, and over all, 64 bits each.
 const SUMS: &str = "
 var<workgroup> counted_lanes: array<vec4<u32>, LANES>;
-@group(0) @binding(BINDING) var<storage, read_write> counted: array<atomic<u32>, WORDS>;
+@group(0) @binding(BINDING) var<storage, read_write> counted_words: array<atomic<u32>, WORDS>;
 fn counted_add(word: u32, part: vec2<u32>) {
-    let before = atomicAdd(&counted[word], part.x);
+    let before = atomicAdd(&counted_words[word], part.x);
     let carry = select(0u, 1u, before + part.x < before);
-    atomicAdd(&counted[word + 1u], part.y + carry);
+    atomicAdd(&counted_words[word + 1u], part.y + carry);
 }
 fn counted_plus(a: vec2<u32>, b: u32) -> vec2<u32> {
     let low = a.x + b;
@@ -67,19 +67,19 @@ fn counted_sum() {
             slowest = 0u;
         }
     }
-    atomicAdd(&counted[0], 1u);
+    atomicAdd(&counted_words[0], 1u);
     counted_add(2u, rounds);
     counted_add(4u, operations);
     counted_add(6u, loads);
     counted_add(8u, in_step);
     counted_add(10u, vec2<u32>(longest.w, 0u));
-    atomicMax(&counted[12], longest.x);
-    atomicMax(&counted[13], longest.y);
-    atomicMax(&counted[14], longest.z);
-    atomicMax(&counted[15], longest.w);
+    atomicMax(&counted_words[12], longest.x);
+    atomicMax(&counted_words[13], longest.y);
+    atomicMax(&counted_words[14], longest.z);
+    atomicMax(&counted_words[15], longest.w);
     // A loop that ends at once is one round: nothing to do.
     if longest.x != 1u {
-        atomicAdd(&counted[1], 1u);
+        atomicAdd(&counted_words[1], 1u);
         counted_add(16u, operations);
         counted_add(18u, loads);
         counted_add(20u, in_step);
