@@ -1,12 +1,15 @@
 //! Puts triangles of a scene behind those that are there, as a geometry with vertices of its own.
 
-use super::{Geometry, InstancedScene, Solids};
+#[cfg(feature = "json")]
+use super::Solids;
+use super::{Geometry, InstancedScene};
 use crate::Scene;
 use std::collections::HashMap;
 use std::ops::Range;
 
 impl InstancedScene {
     /// Adds materials and textures of a scene; gives the numbers that the first of each has now.
+    #[cfg(feature = "json")]
     pub(crate) fn add_materials(&mut self, from: &Scene) -> u32 {
         let (material, texture) =
             (self.parts.materials.len() as u32, self.parts.textures.len() as u32);
@@ -57,6 +60,7 @@ impl InstancedScene {
     }
 
     /// Adds a geometry of spheres or capsules.
+    #[cfg(feature = "json")]
     pub(crate) fn add_solids(&mut self, name: &str, solids: Solids) -> u32 {
         let (vertex, triangle) =
             (self.parts.positions.len() as u32, self.parts.indices.len() as u32);
@@ -71,6 +75,7 @@ impl InstancedScene {
     }
 
     /// Gives all triangles of a geometry a material.
+    #[cfg(feature = "json")]
     pub(crate) fn paint_geometry(&mut self, geometry: u32, material: u32) {
         let triangles = self.geometries[geometry as usize].triangles.clone();
         self.parts.material_of[triangles.start as usize..triangles.end as usize].fill(material);
