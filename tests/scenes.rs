@@ -169,7 +169,7 @@ fn files_that_are_no_text_or_no_files() {
     assert!(error.to_string().contains("latin.obj`, line 2: "), "{error}");
     assert_eq!(read(folder.path()).unwrap_err().problem, ObjProblem::Folder);
     assert_eq!(read(Path::new("no/such.obj")).unwrap_err().problem, ObjProblem::Missing);
-    let unknown = Scene::open("scene.stl").unwrap_err();
+    let unknown = Scene::open("scene.fbx").unwrap_err();
     assert!(matches!(unknown, SceneError::UnknownFormat(_)), "{unknown}");
 }
 

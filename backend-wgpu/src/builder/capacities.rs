@@ -103,7 +103,7 @@ impl Capacities {
         let regions = Region::start(handed, share(self.triangles, 1, 200, 256));
         Capacities {
             middle: true,
-            middle_references: share(self.triangles, 8, 1, 16_384),
+            middle_references: share(self.triangles, 10, 1, 16_384),
             middle_nodes: regions.nodes.saturating_add(1),
             middle_leaves: regions.leaves,
             ..self
