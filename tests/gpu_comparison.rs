@@ -37,8 +37,8 @@ fn a_sound_device_is_equal() {
 fn a_planted_fault_is_named() {
     let kernel = Kernel::EmitSmall;
     let source = splitplane_shaders::KERNELS[kernel as usize].source();
-    let place = "own_triangles[place].x)";
-    let planted = source.replace(place, "own_triangles[place].x ^ 1u)");
+    let place = "leaf_references[address.y + index] = triangle;";
+    let planted = source.replace(place, "leaf_references[address.y + index] = triangle ^ 1u;");
     assert!(planted != source, "the text to change is gone");
     let gpu = Gpu::clone(&device::gpu());
     let backend = WgpuBackend::with_replaced_kernel(gpu, kernel, planted);
