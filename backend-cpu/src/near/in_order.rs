@@ -21,7 +21,8 @@ pub(crate) struct Parts {
     pub(crate) few: usize,
 }
 
-/// Answers a batch, on all threads of the pool: `answer` gets a few points at a time, and room for their answers.
+/// Answers a batch, on all threads of the pool: `answer` gets a few points at a time, and room for their answers,
+/// which are `none` so far.
 pub(crate) fn answer_in_order<T: Copy + Send + Sync>(
     points: &[[f32; 3]],
     (answers, none): (&mut [T], T),
@@ -40,6 +41,7 @@ pub(crate) fn answer_in_order<T: Copy + Send + Sync>(
                 if meter.is_cancelled() {
                     break;
                 }
+                answers.fill(none);
                 answer(points, answers)?;
                 done(points.len());
             }

@@ -119,7 +119,8 @@ fn write_part<const N: usize>(
     let indent = 2 * part.level as usize;
     match part.node {
         Some(PointNode { plane, axis }) => {
-            let (axis, own) = (b"xyzw"[axis as usize & 3] as char, tree.unit.of_units(plane));
+            let axis = ['x', 'y', 'z', 'w'][axis as usize % 4];
+            let own = tree.unit.of_units(plane);
             writeln!(out, "{:indent$}{axis} {own} {:08x}", "", plane.to_bits())
         }
         None => {
