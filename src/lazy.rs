@@ -55,7 +55,7 @@ pub enum LazyError {
 ///
 /// A step that builds also looks once at what is built already, and makes the trees over instances and over shapes anew. So ask with many rays at once.
 /// Limits of memory hold for the whole scene, as for one that is built at once. A query's watch is called while it builds, and may cancel that. All queries
-/// have an error for a geometry that is not built: [`LazyError::Build`].
+/// have an error for a geometry that is not built: [`LazyError::Build`]. There are no overlaps of such scenes.
 ///
 /// ```
 /// # #[cfg(feature = "cpu")] {

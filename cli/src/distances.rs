@@ -102,8 +102,8 @@ impl Grid {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    if arguments.step == Some(0.0) {
-        return Err(Failure::usage("--step: a grid has steps longer than 0"));
+    if arguments.step.is_some_and(|step| step == 0.0 || step.is_infinite()) {
+        return Err(Failure::usage("--step: a grid has steps longer than 0, and finite"));
     }
     in_pool(&arguments.common, || arguments.answer())
 }

@@ -140,7 +140,8 @@ fn open_part(index: u32, base: u32) {
     }
     for (var place = 0u; place < count; place++) {
         let child = opened[base + place];
-        if !is_node(child) {
+        // A foreign tree may have parts without references: they are no children.
+        if !is_node(child) && child.count > 0u {
             children[index][next] = bounded(child);
             counts.y += child.count;
             next++;

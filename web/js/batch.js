@@ -25,9 +25,10 @@ export function queryOptions(given) {
 }
 
 /** Room for the answers: what is given for them, or an array of our own. */
-export function room(into, words, what) {
+export function room(into, rays, words, what) {
     if (into === undefined) return new WasmArray(words);
     if (!(into instanceof WasmArray)) throw new SplitplaneError("type", `into must be a WasmArray for ${what}`);
+    if (into === rays) throw new SplitplaneError("type", "into is the array that is asked about; answers need one of their own");
     if (into.length < words) {
         throw new SplitplaneError("shape", `into has ${into.length} words, but ${what} take ${words}`);
     }
@@ -85,7 +86,7 @@ export function batch({ what, type, each, answerWords, prepare, ask, give }) {
         const known = begin(given);
         return withArrays([{ value: rays, what, type, each }], (asked) => {
             const total = asked.length / each;
-            const answers = room(known.into, answerWords(total), "the answers");
+            const answers = room(known.into, rays, answerWords(total), "the answers");
             try {
                 inSlices(total, known, (first, some) => ask(self(), asked.own, answers.own, first, some, known));
                 return known.into === undefined ? give(answers, total) : answers;
@@ -102,7 +103,7 @@ export function batch({ what, type, each, answerWords, prepare, ask, give }) {
         let answers = null;
         try {
             const total = withArrays([{ value: asked, what, type, each }], () => asked.length / each);
-            answers = room(known.into, answerWords(total), "the answers");
+            answers = room(known.into, rays, answerWords(total), "the answers");
             await inSlicesAsync(total, known, (first, some) => ask(self(), asked.own, answers.own, first, some, known));
             return known.into === undefined ? give(answers, total) : answers;
         } finally {

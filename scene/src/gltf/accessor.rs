@@ -157,7 +157,12 @@ impl Buffers<'_> {
         let stride = stride.map_or(width, |stride| stride.0);
         let bytes = usize::try_from(offset).ok().and_then(|offset| bytes.get(offset..));
         let bytes = bytes.unwrap_or_default();
-        let most = (bytes.len() + stride).saturating_sub(width).checked_div(stride).unwrap_or(0);
+        let most = bytes
+            .len()
+            .saturating_add(stride)
+            .saturating_sub(width)
+            .checked_div(stride)
+            .unwrap_or(0);
         if bytes.len() < width && count > 0 || count > most as u64 {
             let most = if bytes.len() < width { 0 } else { most as u64 };
             let what = "elements of an accessor".to_owned();

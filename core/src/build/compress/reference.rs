@@ -178,7 +178,9 @@ fn children_of(
     let mut counts = [0; 2];
     let mut next = 0;
     for nodes in [true, false] {
-        for child in opened[..count].iter().filter(|child| is_node(child) == nodes) {
+        // A foreign tree may have parts without references: they are no children.
+        let own = |child: &&Part| is_node(child) == nodes && child.count > 0;
+        for child in opened[..count].iter().filter(own) {
             children[next] = if nodes { *child } else { bounded(tree, triangles, child) };
             next += 1;
             counts[usize::from(!nodes)] += if nodes { 1 } else { child.count };
@@ -221,7 +223,7 @@ fn halves(tree: &KdTreeView<'_>, part: &Part) -> [Part; 2] {
     }
 }
 
-/// Whether a node is an empty leaf. No subtree of ours is without references as a whole.
+/// Whether a node is an empty leaf. No subtree of our builders is without references as a whole; those of others may be.
 fn is_empty(tree: &KdTreeView<'_>, index: u32) -> bool {
     matches!(tree.nodes[index as usize].kind(), NodeKind::Leaf { count: 0, .. })
 }

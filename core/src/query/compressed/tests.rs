@@ -11,6 +11,7 @@ use crate::query::lines::scene_scale;
 use crate::query::traverse::{Cost, Query, trace};
 use crate::random;
 use crate::ray::{Hit, QueryOptions, Ray};
+use crate::tree::node::{Axis, KdNode, NodeKind};
 use crate::tree::{KdTree, KdTreeView};
 use crate::triangle::Triangle;
 use alloc::vec::Vec;
@@ -215,6 +216,32 @@ fn nothing_is_lost_on_the_way() {
         nothing_is_lost(&tree, &least);
         nothing_is_lost(&tree, &greedy);
     }
+}
+
+/// A valid tree that our builders do not make: a plane with nothing on either side, beside what has triangles.
+#[test]
+fn parts_without_triangles_hide_no_others() {
+    let triangles = soup(40, 3);
+    let mut tree = build(&triangles, Preset::Fast.config());
+    let bounds = tree.bounds;
+    let moved = tree.nodes.iter().map(|node| match node.kind() {
+        NodeKind::Interior { axis, split, right } => KdNode::interior(axis, split, right + 4),
+        NodeKind::Leaf { first, count } => KdNode::leaf(first, count),
+    });
+    let empty = KdNode::leaf(0, 0);
+    let [x, y] = [0, 1].map(Axis::from_index);
+    let mut nodes = alloc::vec![
+        KdNode::interior(x, bounds.lo[0], 4),
+        KdNode::interior(y, bounds.lo[1], 3),
+        empty,
+        empty,
+    ];
+    nodes.extend(moved);
+    tree.nodes = nodes;
+    let view = tree.view();
+    let scale = scene_scale(&view, &triangles[..]);
+    let greedy = CompressedNodes::greedy(&view, &triangles[..], &scale).expect("few references");
+    nothing_is_lost(&view, &greedy);
 }
 
 fn nothing_is_lost(tree: &KdTreeView<'_>, nodes: &CompressedNodes) {
