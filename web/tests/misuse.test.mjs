@@ -62,6 +62,9 @@ test("each error has its code and the library's text", () => {
     wrong(() => tree.closestHits(rays(4, 1), { ignore: 1.5 }), "config", /ignore is 1.5/);
     wrong(() => tree.closestHits(rays(4, 1), { into: new Float32Array(16) }), "type", /WasmArray/);
     wrong(() => tree.closestHits(rays(4, 1), null), "type", /options must be an object, but is null/);
+    const both = new WasmArray(32);
+    wrong(() => tree.closestHits(both, { into: both }), "type", /one of their own/);
+    both.free();
     const small = new WasmArray(3);
     wrong(() => tree.closestHits(rays(4, 1), { into: small }), "shape", /3 words, but the answers take 16/);
     wrong(() => tree.closestHit([0, 0], [0, 0, 1]), "type", /three numbers/);
