@@ -74,11 +74,13 @@ pub(super) fn within(
     starts.extend(0u64.to_le_bytes());
     let mut records: Vec<u8> = Vec::new();
     let bar = progress::bar(work.quiet, "points within", queries.len() as u64);
-    let threads = rayon::current_num_threads() as u64;
-    for queries in queries.chunks(FEW) {
+    let threads = rayon::current_num_threads();
+    // Lists wait until those asked with them are found. So of a limit that is left each of them may take its part.
+    let together = if work.limit.is_some() { threads } else { FEW };
+    for queries in queries.chunks(together) {
         ending::check()?;
-        // What threads may hold together is what is left of the limit.
-        let left = work.limit.map(|limit| limit.saturating_sub(records.len() as u64) / threads);
+        let left = work.limit.map(|limit| limit.saturating_sub(records.len() as u64));
+        let left = left.map(|left| left / queries.len() as u64);
         let options =
             NearestOptions { max_distance: radius, max_memory: left, ..NearestOptions::default() };
         let found: Vec<Result<Vec<Neighbour>, QueryError>> =
