@@ -276,7 +276,8 @@ impl WgpuBackend {
         run: impl FnOnce(WgpuExecutor<'_>) -> T,
     ) -> Result<T, BuildError> {
         let roomy = Capacities::roomy(mesh.len() as u32, config).with_middle_stage();
-        self.with_executor_of(roomy.with_room_for_any_growth(), mesh, config, run)
+        let roomy = roomy.with_room_for_any_growth(self.shared.gpu.limits());
+        self.with_executor_of(roomy, mesh, config, run)
     }
 
     /// As [`WgpuBackend::with_executor`], with the capacities that a first build estimates, which most scenes fit: then

@@ -110,15 +110,18 @@ impl Capacities {
         }
     }
 
-    /// With a middle stage that has room whatever scenes do, short of its own rules.
+    /// With a middle stage that has room whatever scenes do, short of its own rules and of what one binding holds.
     #[must_use]
-    pub(crate) fn with_room_for_any_growth(self) -> Capacities {
-        let most = |room: u32, times: u32| room.saturating_mul(times).saturating_add(1 << 16);
+    pub(crate) fn with_room_for_any_growth(self, limits: &wgpu::Limits) -> Capacities {
+        let (bytes, _) = binding_limit(limits);
+        let most = |buffer: Buffer, room: u32, times: u32| {
+            let bound = u32::try_from(bytes / buffer.element_size() as u64).unwrap_or(u32::MAX);
+            room.saturating_mul(times).saturating_add(1 << 16).min(bound.max(room))
+        };
         Capacities {
-            // Roots near the end of their rules take some 20,000 references each.
-            middle_references: most(self.middle_references, 4).max(3 << 20),
-            middle_nodes: most(self.middle_nodes, 2),
-            middle_leaves: most(self.middle_leaves, 2),
+            middle_references: most(Buffer::MiddleReferences, self.middle_references.max(3 << 18), 4),
+            middle_nodes: most(Buffer::MiddleNodes, self.middle_nodes, 2),
+            middle_leaves: most(Buffer::MiddleLeaves, self.middle_leaves, 2),
             ..self
         }
     }
