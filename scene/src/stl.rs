@@ -6,7 +6,7 @@
 //! their bits, stay two vertices; that costs twelve bytes and changes nothing else.
 //!
 //! A file is binary where its length is what its count of triangles says, whatever its first word is: many binary files begin with
-//! `solid` all the same. Normals of facets are not read; triangles have those of their corners' order.
+//! `solid` all the same. One with bytes behind its last triangle is binary too if its count has a zero byte, which no text has. Normals of facets are not read; triangles have those of their corners' order.
 //!
 //! The reader is our own: the crate `stl_io` takes every file that begins with `solid` for text, and does not say where it stopped.
 
@@ -37,7 +37,7 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<Scene, MeshFileError> {
     let mut weld = Weld::default();
     weld.scene.name = mesh_file::name_of(path);
     let done = match (announced(bytes), bytes.trim_ascii_start()) {
-        (Some(count), _) if length_for(count) == bytes.len() as u64 => binary(bytes, &mut weld),
+        (Some(count), _) if is_binary(bytes, count) => binary(bytes, &mut weld),
         (_, text) if starts_with_word(text, "solid") => self::text(bytes, &mut weld),
         (Some(_), _) => binary(bytes, &mut weld),
         (None, _) => {
@@ -56,6 +56,12 @@ fn announced(bytes: &[u8]) -> Option<u32> {
 
 fn length_for(count: u32) -> u64 {
     HEADER as u64 + u64::from(count) * TRIANGLE as u64
+}
+
+/// Whether the file is binary whatever its first word is.
+fn is_binary(bytes: &[u8], count: u32) -> bool {
+    let (needed, length) = (length_for(count), bytes.len() as u64);
+    needed == length || needed < length && count.to_le_bytes().contains(&0)
 }
 
 fn starts_with_word(text: &[u8], word: &str) -> bool {

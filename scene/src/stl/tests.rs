@@ -42,11 +42,13 @@ fn text_and_bytes_give_the_same_triangles() {
         assert_eq!(corners(&read), corners(&text));
         assert_eq!(read.indices, text.indices);
     }
-    let mut odd = binary_file(&triangles, b"x");
-    odd[84 + 48] = 7;
-    odd.push(0);
-    let notes = read(&odd).unwrap().notes.warnings;
-    assert!(notes[0].starts_with("the attributes of 1 ") && notes[1].starts_with("1 bytes "));
+    for header in [&b"x"[..], b"solid x"] {
+        let mut odd = binary_file(&triangles, header);
+        odd[84 + 48] = 7;
+        odd.push(0);
+        let notes = read(&odd).unwrap().notes.warnings;
+        assert!(notes[0].starts_with("the attributes of 1 ") && notes[1].starts_with("1 bytes "));
+    }
 }
 
 #[test]
