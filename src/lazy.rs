@@ -1,29 +1,25 @@
 //! Scenes whose trees are built when the first ray needs them: model only what is looked at.
 
-use splitplane_core::aabb::Aabb;
+mod reach;
+mod shared;
+mod state;
+
+use self::reach::Reach;
+use self::state::{State, description};
 use splitplane_core::backend::scene::{
-    Asked, BuiltScene, SceneAccelerator, SceneAllHits, SceneAllHitsOptions, SceneClosestPoint,
+    BuiltScene, SceneAccelerator, SceneAllHits, SceneAllHitsOptions, SceneClosestPoint,
     SceneClosestPointOptions, SceneWriteError, write_file,
 };
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::error::QueryError;
 use splitplane_core::mesh::Mesh;
-use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
-use splitplane_core::query::cast::{Cast, CastOptions, Impact};
-use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions};
 use splitplane_core::query::inside::{LocateOptions, Located};
-use splitplane_core::query::overlap::{OverlapOptions, Overlaps, Volume};
-use splitplane_core::ray::{Hit, QueryOptions, Ray};
-use splitplane_core::report::{BuildSummary, QueryReport};
+use splitplane_core::ray::Ray;
+use splitplane_core::report::QueryReport;
 use splitplane_core::scene::{
-    GeometryId, GeometryMesh, Instance, InstanceId, ObjectSpace, Placement, Scene, SceneBuildError,
-    SceneError, SceneHit, SceneOptions, SceneReport, TopRay, TopStack, TopTree, WIDEST_STACK,
-    WorldBox,
+    GeometryId, GeometryMesh, Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport,
 };
-use splitplane_core::tree::KdTree;
-use splitplane_core::triangle::{Prepared, prepare};
 use splitplane_core::watch::Watch;
-use std::any::Any;
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, PoisonError};
 use thiserror::Error;
@@ -88,130 +84,6 @@ pub struct LazyScene {
     current: Mutex<Arc<State>>,
 }
 
-/// What is built, and what is not. It does not change; another one takes its place.
-struct State {
-    /// Over the description in which what is not built is empty.
-    accelerator: Box<dyn SceneAccelerator>,
-    /// By geometry, what answers its rays; `None` for shapes, and for what is not built.
-    trees: Vec<Option<Arc<dyn Accelerator>>>,
-    /// By geometry: whether it is not built.
-    waiting: Vec<bool>,
-    reach: Reach,
-    /// Geometries that were built, the empty ones not counted.
-    builds: u64,
-}
-
-/// A geometry's accelerator, which several states have.
-struct Shared(Arc<dyn Accelerator>);
-
-impl Accelerator for Shared {
-    fn tree(&self) -> &KdTree {
-        self.0.tree()
-    }
-
-    fn summary(&self) -> &BuildSummary {
-        self.0.summary()
-    }
-
-    fn query_bytes(&self) -> u64 {
-        self.0.query_bytes()
-    }
-
-    fn as_any(&self) -> Option<&dyn Any> {
-        self.0.as_any()
-    }
-
-    fn closest_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> Option<Hit> {
-        self.0.closest_hit(ray, options)
-    }
-
-    fn any_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> bool {
-        self.0.any_hit(ray, options)
-    }
-
-    fn closest_hits(
-        &self,
-        rays: &[Ray],
-        hits: &mut [Hit],
-        options: &QueryOptions<'_>,
-    ) -> Result<QueryReport, QueryError> {
-        self.0.closest_hits(rays, hits, options)
-    }
-
-    fn any_hits(
-        &self,
-        rays: &[Ray],
-        occluded: &mut [bool],
-        options: &QueryOptions<'_>,
-    ) -> Result<QueryReport, QueryError> {
-        self.0.any_hits(rays, occluded, options)
-    }
-
-    fn all_hits(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> Result<AllHits, QueryError> {
-        self.0.all_hits(rays, options)
-    }
-
-    fn count_hits(
-        &self,
-        rays: &[Ray],
-        counts: &mut [u32],
-        options: &AllHitsOptions<'_>,
-    ) -> Result<QueryReport, QueryError> {
-        self.0.count_hits(rays, counts, options)
-    }
-
-    fn locate(
-        &self,
-        points: &[[f32; 3]],
-        options: &LocateOptions<'_>,
-    ) -> Result<Located, QueryError> {
-        self.0.locate(points, options)
-    }
-
-    fn impacts(
-        &self,
-        casts: &[Cast],
-        impacts: &mut [Impact],
-        options: &CastOptions<'_>,
-    ) -> Result<QueryReport, QueryError> {
-        self.0.impacts(casts, impacts, options)
-    }
-
-    fn closest_points(
-        &self,
-        points: &[[f32; 3]],
-        closest: &mut [ClosestPoint],
-        options: &ClosestPointOptions<'_>,
-    ) -> Result<QueryReport, QueryError> {
-        self.0.closest_points(points, closest, options)
-    }
-
-    fn overlaps(
-        &self,
-        volumes: &[Volume<'_>],
-        options: &OverlapOptions<'_>,
-    ) -> Result<Overlaps, QueryError> {
-        self.0.overlaps(volumes, options)
-    }
-
-    fn overlaps_any(
-        &self,
-        volumes: &[Volume<'_>],
-        found: &mut [bool],
-        options: &OverlapOptions<'_>,
-    ) -> Result<QueryReport, QueryError> {
-        self.0.overlaps_any(volumes, found, options)
-    }
-}
-
-/// The instances of what is not built.
-#[derive(Default)]
-struct Reach {
-    /// By instance.
-    placements: Vec<Option<Placement>>,
-    top: TopTree,
-}
-
 impl core::fmt::Debug for LazyScene {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.debug_struct("LazyScene")
@@ -251,7 +123,7 @@ impl LazyScene {
     /// As for [`LazyScene::new`]; the scene is then what it was.
     pub fn update(&mut self, scene: &Scene) -> Result<(), SceneBuildError> {
         self.backend.check_shapes(scene)?;
-        let mirror = shared(scene, scene, |_| false)?;
+        let mirror = description(scene, scene, |_| false)?;
         let state = self.state();
         let is_built = |name: GeometryId, mesh: &Arc<GeometryMesh>| {
             let same = self.scene.geometry(name).is_ok_and(|own| Arc::ptr_eq(own, mesh));
@@ -504,148 +376,6 @@ impl LazyScene {
     fn state(&self) -> Arc<State> {
         Arc::clone(&self.current.lock().unwrap_or_else(PoisonError::into_inner))
     }
-}
-
-impl State {
-    /// A state in which all is built that does not wait: by what there is of `trees`, and anew for the rest.
-    fn new(
-        backend: &dyn Backend,
-        (scene, nothing): (&Scene, &Scene),
-        (waiting, mut trees): (Vec<bool>, Vec<Option<Arc<dyn Accelerator>>>),
-        builds: u64,
-        options: &BuildOptions<'_>,
-    ) -> Result<State, SceneBuildError> {
-        let waits = |name: GeometryId| waiting.get(name.0 as usize) == Some(&true);
-        let present = shared(scene, nothing, waits)?;
-        let reach = Reach::of(scene, waits)?;
-        let mut accelerator = backend.build_scene(&Scene::new(), &options.unwatched())?;
-        // Geometries are asked for in the order of their names; shapes are not asked for.
-        let meshes = present.geometries().filter(|(_, mesh)| mesh.shapes().is_none());
-        let mut names = meshes.map(|(name, _)| name);
-        accelerator.update_by(&present, options, &mut |mesh, options| {
-            let place = names.next().filter(|name| !waits(*name)).map(|name| name.0 as usize);
-            let Some(kept) = place.and_then(|place| trees.get_mut(place)) else {
-                return backend.build(mesh, options);
-            };
-            let own = match kept {
-                Some(own) => Arc::clone(own),
-                None => Arc::clone(kept.insert(Arc::from(backend.build(mesh, options)?))),
-            };
-            Ok(Box::new(Shared(own)))
-        })?;
-        Ok(State { accelerator, trees, waiting, reach, builds })
-    }
-
-    /// Of each geometry of the description whether it waits.
-    fn waiting_of<'a>(&'a self, scene: &'a Scene) -> impl Iterator<Item = bool> + 'a {
-        let waits = |name: GeometryId| self.waiting.get(name.0 as usize) == Some(&true);
-        scene.geometries().map(move |(name, _)| waits(name))
-    }
-}
-
-impl Reach {
-    /// The instances of those geometries that wait.
-    fn of(scene: &Scene, waits: impl Fn(GeometryId) -> bool) -> Result<Reach, SceneBuildError> {
-        let bounds: Vec<Option<Aabb>> = {
-            let mut bounds = vec![None; scene.geometry_names()];
-            for (name, mesh) in scene.geometries().filter(|(name, _)| waits(*name)) {
-                bounds[name.0 as usize] = Some(bounds_of(mesh));
-            }
-            bounds
-        };
-        let mut placements: Vec<Option<Placement>> = vec![None; scene.instance_names()];
-        let mut boxes: Vec<(u32, WorldBox)> = Vec::new();
-        for (name, instance) in scene.instances() {
-            let geometry = instance.geometry;
-            let Some(bounds) = bounds[geometry.0 as usize] else { continue };
-            // Checked when it was edited.
-            let Some(space) = ObjectSpace::new(&instance.transform) else { continue };
-            let has_shapes = scene.geometry(geometry).is_ok_and(|mesh| mesh.shapes().is_some());
-            let placement = match has_shapes {
-                true => Placement::of_shapes(instance, space, &bounds),
-                false => Placement::new(instance, space, &bounds, None),
-            };
-            boxes.extend(placement.world_box.map(|own| (name.0, own)));
-            placements[name.0 as usize] = Some(placement);
-        }
-        let top = TopTree::build(placements.len(), boxes.into_iter()).ok_or_else(no_memory)?;
-        Ok(Reach { placements, top })
-    }
-
-    /// Shows the geometries that wait and that a ray reaches before `limit`, the nearest boxes first, as long as `show` wants more.
-    fn walk(
-        &self,
-        ray: &Ray,
-        limit: f32,
-        options: &SceneOptions<'_>,
-        mut show: impl FnMut(GeometryId) -> bool,
-    ) {
-        let Some(ready) = TopRay::new(ray) else { return };
-        let mut stack: [TopStack; WIDEST_STACK] = [(0.0, 0); WIDEST_STACK];
-        let mut top = self.top.begin(&mut stack);
-        if limit == f32::NEG_INFINITY {
-            return;
-        }
-        let t_max = ray.t_max.min(limit);
-        while t_max >= ray.t_min
-            && let Some(name) = self.top.next(&ready, t_max, &mut stack, &mut top)
-        {
-            let Some(Some(placement)) = self.placements.get(name as usize) else { continue };
-            let answers = Asked::of(InstanceId(name), placement, options).is_some();
-            if answers && !show(placement.instance.geometry) {
-                return;
-            }
-        }
-    }
-}
-
-/// The box of all that rays can meet, in the object's space.
-fn bounds_of(mesh: &GeometryMesh) -> Aabb {
-    if let Some(shapes) = mesh.shapes() {
-        let all = (0..shapes.len() as u32).filter_map(|primitive| shapes.bounds(primitive));
-        return all.fold(Aabb::EMPTY, |bounds, own| bounds.union(&own));
-    }
-    let mesh = mesh.mesh();
-    (0..mesh.len()).fold(Aabb::EMPTY, |bounds, triangle| {
-        let Prepared { corners, kept, .. } = prepare(&mesh.triangle(triangle));
-        if kept { bounds.union(&Aabb::of_points(&corners)) } else { bounds }
-    })
-}
-
-/// A description with the same names, which shares arrays with `scene`; geometries that `is_left_out` names are the first of `nothing`.
-fn shared(
-    scene: &Scene,
-    nothing: &Scene,
-    is_left_out: impl Fn(GeometryId) -> bool,
-) -> Result<Scene, SceneError> {
-    let mut own = Scene::new();
-    let empty: [[[f32; 3]; 3]; 0] = [];
-    let mesh = Mesh::soup(&empty).map_err(|_| SceneError::OutOfMemory { bytes: 0 })?;
-    // Names are given in order; what is not there is taken out again.
-    for name in (0..scene.geometry_names() as u32).map(GeometryId) {
-        own.add_mesh(&mesh)?;
-        if scene.geometry(name).is_ok() {
-            match is_left_out(name) {
-                true => own.share_geometry(name, nothing, GeometryId(0))?,
-                false => own.share_geometry(name, scene, name)?,
-            }
-        }
-    }
-    let free = |name: &InstanceId| scene.instance(*name).is_err();
-    let names = || (0..scene.instance_names() as u32).map(InstanceId);
-    for name in names() {
-        let stand_in = || Instance::in_place(GeometryId(0));
-        own.add_instance(scene.instance(name).map_or_else(|_| stand_in(), |there| *there))?;
-    }
-    for name in names().filter(free) {
-        own.remove_instance(name)?;
-    }
-    for name in (0..scene.geometry_names() as u32).map(GeometryId) {
-        if scene.geometry(name).is_err() {
-            own.remove_geometry(name)?;
-        }
-    }
-    Ok(own)
 }
 
 fn no_memory() -> SceneBuildError {
