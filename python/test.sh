@@ -32,7 +32,8 @@ command -v "$python" >/dev/null || absent "there is no $python"
 venv=${SPLITPLANE_VENV:-$PWD/target/venv}
 [ -x "$venv/bin/python" ] || "$python" -m venv "$venv" || absent "$python cannot make virtual environments (package python3-venv)"
 
-# trimesh, scipy and rtree are for the classes of trimesh's shape; without them their tests are skipped, and pytest says so.
+# trimesh, scipy and rtree are for the classes of trimesh's shape, Dask for work on a cluster; without them their tests are skipped, and
+# pytest says so.
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
 pip=("$venv/bin/python" -m pip install --quiet --disable-pip-version-check)
@@ -43,6 +44,12 @@ need=('maturin>=1.16,<2' 'numpy>=1.24' 'pytest>=7' 'mypy>=1.10')
 }
 more=('trimesh>=4' 'scipy>=1.10' 'rtree>=1')
 "${pip[@]}" "${more[@]}" >"$log" 2>&1 || say "these cannot be installed, and tests that need them are skipped: ${more[*]}"
+cluster=('dask[distributed]>=2024.8')
+"${pip[@]}" "${cluster[@]}" >"$log" 2>&1 || {
+    tail -n 3 "$log"
+    say "this cannot be installed, and tests that need it are skipped: ${cluster[*]}"
+    [ "${SPLITPLANE_PYTHON:-}" != required ] || exit 1
+}
 
 # The settings of whoever calls must not choose other plugins or options.
 export PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 PYTHONDONTWRITEBYTECODE=1 CARGO_INCREMENTAL=0

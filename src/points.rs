@@ -18,4 +18,4 @@ pub use splitplane_core::points::nearest::{NearestOptions, Neighbour};
 pub use splitplane_core::points::parts::{Part, dump, walk_parts};
 pub use splitplane_core::points::tree::{Axes, PointNode, PointReport, PointTree};
 #[cfg(feature = "cpu")]
-pub use splitplane_cpu::CpuPointTree;
+pub use splitplane_cpu::{CpuPointTree, KeptBytes};

@@ -24,6 +24,6 @@ pub use build::twin::CpuExecutor;
 pub use build::twin::buffers;
 #[doc(hidden)]
 pub use memory::Memory;
-pub use points::CpuPointTree;
+pub use points::{CpuPointTree, KeptBytes};
 pub use scene::CpuScene;
 pub use simd::InstructionSet;

@@ -7,9 +7,13 @@ use std::sync::{Mutex, MutexGuard};
 
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions, QueryLayout};
 use splitplane_core::config::Preset;
-use splitplane_core::error::BuildError;
+use rayon::prelude::*;
+use splitplane_core::error::{BuildError, QueryError};
+use splitplane_core::points::build::PointOptions;
+use splitplane_core::points::nearest::NearestOptions;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
-use splitplane_cpu::{CpuAccelerator, CpuBackend, InstructionSet};
+use splitplane_cpu::{CpuAccelerator, CpuBackend, CpuPointTree, InstructionSet, KeptBytes};
+use splitplane_test_support::random::Random;
 use splitplane_test_support::scenes::{self, Scene};
 use splitplane_test_support::watch::goes_on;
 
@@ -310,4 +314,51 @@ fn what_counts_is_what_is_allocated() {
         assert!(taken <= counted + counted / 20 + 100_000, "{what}: {taken} taken, {counted} told");
         assert!(counted <= taken + taken / 4, "{what}: {taken} taken, {counted} told");
     });
+}
+
+/// Every query's list under the limit by itself: the mistake that the shared count is there to prevent.
+fn each_by_itself(
+    tree: &CpuPointTree<3>,
+    queries: &[[f32; 3]],
+    options: &NearestOptions<'_>,
+) -> Result<usize, QueryError> {
+    let lists: Result<Vec<_>, _> =
+        queries.par_iter().map(|&query| tree.within(query, options)).collect();
+    lists.map(|lists| lists.iter().map(Vec::len).sum())
+}
+
+#[test]
+fn lists_within_a_radius_share_one_limit() {
+    let _turn = alone();
+    let mut random = Random::new(3);
+    let points: Vec<[f32; 3]> = (0..3000).map(|_| random.point(1.0)).collect();
+    let tree = CpuPointTree::build(&points, &PointOptions::default()).unwrap();
+    let (queries, limit) = (vec![[0.0; 3]; 1000], 2_000_000);
+    let options = NearestOptions {
+        max_distance: 9.0,
+        max_memory: Some(limit),
+        ..NearestOptions::default()
+    };
+    // Keys and records are counted; a growing list of keys has room for as many again.
+    let most = 2 * limit as i64 + 200_000;
+    for threads in [1, 3] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let mut own = Vec::new();
+        let kept = KeptBytes { list: 8, neighbour: 4 };
+        let (done, peak) = peak_of(|| {
+            pool.install(|| {
+                tree.within_each(&queries, &options, kept, |found| -> Result<(), QueryError> {
+                    own.extend(found.iter().map(|found| found.point));
+                    Ok(())
+                })
+            })
+        });
+        assert!(matches!(done, Err(QueryError::OutOfMemory { limit: 2_000_000, .. })), "{done:?}");
+        assert!(own.len() / 3000 > 150, "lists of 12,008 bytes under a limit of 2,000,000");
+        assert!(peak < most + 4 * own.capacity() as i64 - 4 * own.len() as i64, "{peak}");
+        // The check finds the mistake.
+        let (done, peak) = peak_of(|| pool.install(|| each_by_itself(&tree, &queries, &options)));
+        assert_eq!(done.unwrap(), 3_000_000);
+        assert!(peak > 10 * most, "{peak}");
+    }
 }

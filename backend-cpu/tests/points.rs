@@ -9,7 +9,7 @@ use splitplane_core::points::distance::ERROR;
 use splitplane_core::points::nearest::{self, NearestOptions, Neighbour};
 use splitplane_core::points::tree::{Axes, BLOCK, PointTree};
 use splitplane_core::watch::Progress;
-use splitplane_cpu::{CpuPointTree, InstructionSet};
+use splitplane_cpu::{CpuPointTree, InstructionSet, KeptBytes};
 use splitplane_test_support::random::Random;
 
 const KS: [usize; 5] = [1, 2, 8, 50, 400];
@@ -365,4 +365,75 @@ fn limits_and_cancellation() {
     assert!(matches!(error, Err(QueryError::OutOfMemory { limit: 10, .. })), "{error:?}");
     let error = tree.within([0.0; 2], &NearestOptions { max_memory: Some(1000), ..options(1) });
     assert!(matches!(error, Err(QueryError::OutOfMemory { limit: 1000, .. })), "{error:?}");
+}
+
+/// All lists, and why there are no more.
+fn within_each(
+    tree: &CpuPointTree<3>,
+    queries: &[[f32; 3]],
+    max_memory: Option<u64>,
+    kept: KeptBytes,
+) -> (Vec<Vec<Neighbour>>, Option<QueryError>) {
+    let mut lists = Vec::new();
+    let options = NearestOptions { max_distance: 0.4, max_memory, ..options(1) };
+    let done = tree.within_each(queries, &options, kept, |found| {
+        lists.push(found.to_vec());
+        Ok(())
+    });
+    (lists, done.err())
+}
+
+#[test]
+fn lists_are_those_of_each_query_whatever_the_limit_and_the_threads() {
+    let mut random = Random::new(31);
+    let points: Vec<[f32; 3]> = (0..4000).map(|_| random.point(1.0)).collect();
+    let tree = CpuPointTree::build(&points, &PointOptions::default()).unwrap();
+    let queries: Vec<[f32; 3]> = (0..3000).map(|_| random.point(1.2)).collect();
+    let single = NearestOptions { max_distance: 0.4, ..options(1) };
+    let expected: Vec<_> =
+        queries.iter().map(|&query| tree.within(query, &single).unwrap()).collect();
+    for kept in [KeptBytes { list: 8, neighbour: 12 }, KeptBytes { list: 1, neighbour: 0 }] {
+        // What the last list to be finished needs beside those before it, to the byte.
+        let (mut held, mut least) = (0, 0);
+        for found in &expected {
+            let found = found.len() as u64;
+            let own = kept.list + kept.neighbour * found;
+            least = least.max(held + 24 * found).max(held + own + 16 * found);
+            held += own;
+        }
+        for threads in [1, 2, 5] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                for limit in [None, Some(10 * least), Some(least)] {
+                    let (lists, error) = within_each(&tree, &queries, limit, kept);
+                    assert!(error.is_none(), "{error:?}, {threads} threads, {limit:?}");
+                    assert_eq!(lists, expected, "{threads} threads, {limit:?}");
+                }
+                let (lists, error) = within_each(&tree, &queries, Some(least - 1), kept);
+                let lacks = Some(QueryError::OutOfMemory { needed: least, limit: least - 1 });
+                assert_eq!(format!("{error:?}"), format!("{lacks:?}"), "{threads} threads");
+                assert_eq!(lists, expected[..lists.len()]);
+            });
+        }
+    }
+}
+
+#[test]
+fn a_watch_ends_lists() {
+    let points: Vec<[f32; 3]> = (0..2000).map(|i| [i as f32 * 1e-4, 0.0, 0.0]).collect();
+    let tree = CpuPointTree::build(&points, &PointOptions::default()).unwrap();
+    let most = AtomicU64::new(0);
+    let watch = |progress: &Progress| {
+        most.fetch_max(progress.done, Ordering::Relaxed);
+        if progress.done >= 1024 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    let (mut shown, queries) = (0, [[0.0; 3]; 8000]);
+    let options = NearestOptions { watch: Some(&watch), ..options(1) };
+    let done = tree.within_each(&queries, &options, KeptBytes::default(), |found| {
+        assert_eq!(found.len(), 2000);
+        shown += 1;
+        Ok(())
+    });
+    assert!(matches!(done, Err(QueryError::Cancelled { total: 8000, .. })), "{done:?}");
+    assert!(shown < 4000 && most.into_inner() < 4000, "{shown} lists");
 }

@@ -1,11 +1,10 @@
 //! Trees of points, of 1 to 4 dimensions.
 
-use std::ops::ControlFlow;
-
 use bytemuck::Pod;
-use library::points::{Axes, CpuPointTree, NearestOptions, Neighbour as Near, PointOptions};
-use library::{Progress, QueryError, Stage};
-use rayon::prelude::*;
+use library::QueryError;
+use library::points::{
+    Axes, CpuPointTree, KeptBytes, NearestOptions, Neighbour as Near, PointOptions,
+};
 
 use crate::buffer::{Given, Wanted, check, filled, reserve, write};
 use crate::build_settings::Build;
@@ -21,8 +20,8 @@ use crate::status::{Failure, Status};
 
 /// Records that are found at once.
 const CHUNK: usize = 1 << 20;
-/// Queries for all within a distance at once.
-const WITHIN: usize = 1 << 12;
+/// What is kept of all within a distance: where a list ends, and its records.
+const KEPT: KeptBytes = KeptBytes { list: 8, neighbour: size_of::<Near>() as u64 };
 
 /// What a handle of a point tree names.
 pub enum Object {
@@ -314,34 +313,31 @@ fn within<const N: usize>(
 where
     [f32; N]: Pod,
 {
-    let (max_distance, limit, count) = (query.max_distance, query.max_memory, given.len());
     let (mut starts, mut found) = (Vec::new(), Vec::<Near>::new());
-    reserve(&mut starts, count.saturating_add(1))?;
+    reserve(&mut starts, given.len().saturating_add(1))?;
     starts.push(0);
-    let bytes = |starts: usize, found: usize| (starts * 8 + found * size_of::<Near>()) as u64;
-    for first in (0..count).step_by(WITHIN) {
-        let (done, total) = (first as u64, count as u64);
-        let progress = Progress { stage: Stage::Rays, done, total };
-        if watch(&query.caller).map(|watch| watch.progress(&progress))
-            == Some(ControlFlow::Break(()))
-        {
-            return Err(QueryError::Cancelled { done, total }.into());
+    // Queries with something between them are copied, and that counts.
+    let copied = match given.packed() {
+        Some(_) => 0,
+        None => (given.len() * size_of::<[f32; N]>()) as u64,
+    };
+    let (max_distance, caller) = (query.max_distance, watch(&query.caller));
+    let max_memory = match query.max_memory {
+        Some(limit) if copied > limit => {
+            return Err(QueryError::OutOfMemory { needed: copied, limit }.into());
         }
-        let max_memory = limit.map(|limit| limit.saturating_sub(bytes(starts.len(), found.len())));
-        let options = NearestOptions { k: 0, max_distance, filter: None, max_memory, watch: None };
-        let some: Result<Vec<Vec<Near>>, QueryError> = (first..count.min(first + WITHIN))
-            .into_par_iter()
-            .map(|place| tree.within(given.at(place), &options))
-            .collect();
-        for some in some? {
-            let needed = bytes(starts.len() + 1, found.len() + some.len());
-            if let Some(limit) = limit.filter(|&limit| needed > limit) {
-                return Err(QueryError::OutOfMemory { needed, limit }.into());
-            }
-            found.try_reserve(some.len()).map_err(|_| Failure::memory(needed as usize))?;
-            found.extend(some);
-            starts.push(found.len());
-        }
-    }
+        limit => limit.map(|limit| limit - copied),
+    };
+    let mut copy = Vec::new();
+    let queries = given.beside(&mut copy)?;
+    let options =
+        NearestOptions { k: 0, max_distance, filter: None, max_memory, watch: caller };
+    tree.within_each(queries, &options, KEPT, |some| -> Result<(), Failure> {
+        let needed = size_of_val(&found[..]) + size_of_val(some);
+        found.try_reserve(some.len()).map_err(|_| Failure::memory(needed))?;
+        found.extend_from_slice(some);
+        starts.push(found.len());
+        Ok(())
+    })?;
     Ok(ListsObject::Points { starts, found })
 }

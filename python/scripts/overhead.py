@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What a call from Python costs beyond the Rust call: overhead.py DIRECTORY [--rays N] [--threads N] [--rounds N]
+"""What a call from Python costs beyond the Rust call: overhead.py DIRECTORY [--rays N] [--threads N] [--rounds N] [--program FILE]
 
 Runs the program `rust_call` (`cargo build --release --example rust_call`, with the wheel that is installed built by --release) and the same
 batch through the package, in turns, each in a process that is held to the same CPUs. A figure is the least time of a turn; the overhead
@@ -16,11 +16,13 @@ import sys
 from pathlib import Path
 
 PROGRAM = Path(__file__).resolve().parents[1] / "target/release/examples/rust_call"
+#: Columns of the rays, and whether results are written over earlier ones.
+FORMS = {"(n, 8)": ("8", ""), "(n, 8), out": ("8", "out"), "(n, 6)": ("6", ""), "(n, 6), out": ("6", "out")}
 
 PYTHON = """
 import sys, time
 import numpy as np, splitplane
-folder, name, count, threads, repeats, form = sys.argv[1:]
+folder, name, count, threads, repeats, form, reuse = sys.argv[1:]
 vertices = np.fromfile(f"{folder}/verts.f32", "<f4").reshape(-1, 3)
 faces = np.fromfile(f"{folder}/index.u32", "<u4").reshape(-1, 3)
 rays = np.fromfile(f"{folder}/{name}.rays", "<f4").reshape(-1, 8)[:int(count), :6].copy()
@@ -29,9 +31,10 @@ if form == "8":
     whole[:, :3], whole[:, 4:7], whole[:, 7] = rays[:, :3], rays[:, 3:], np.inf
     rays = whole
 tree = splitplane.Tree.build(vertices, faces, threads=int(threads))
+out = tree.closest_hits(rays) if reuse else None
 for _ in range(int(repeats) + 1):
     begun = time.perf_counter()
-    tree.closest_hits(rays, threads=int(threads))
+    tree.closest_hits(rays, threads=int(threads), out=out)
     print("python", time.perf_counter() - begun)
 """
 
@@ -53,23 +56,24 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--repeats", type=int, default=25)
+    parser.add_argument("--program", type=Path, default=PROGRAM)
     arguments = parser.parse_args()
     cpus = sorted(os.sched_getaffinity(0))[: arguments.threads] if hasattr(os, "sched_getaffinity") else []
     common = [str(arguments.rays), str(arguments.threads), str(arguments.repeats)]
     for scene in arguments.scenes:
         for name in ("primary", "bounce", "chords"):
-            over: dict[str, list[float]] = {"8": [], "6": []}
+            over: dict[str, list[float]] = {form: [] for form in FORMS}
             rust = []
             for _ in range(arguments.rounds):
-                plain = least([str(PROGRAM), scene, name, *common], cpus)
+                plain = least([str(arguments.program), scene, name, *common], cpus)
                 rust.append(plain["plain"])
                 for form, own in over.items():
-                    took = least([sys.executable, "-c", PYTHON, scene, name, *common, form], cpus)["python"]
+                    took = least([sys.executable, "-c", PYTHON, scene, name, *common, *FORMS[form]], cpus)["python"]
                     own.append(took / plain["plain"] - 1)
             shown = []
             for form, own in over.items():
                 low, _, high = statistics.quantiles(own, n=4)
-                shown.append(f"rays (n, {form}) {100 * statistics.median(own):+.1f} % ({100 * low:+.1f} to {100 * high:+.1f})")
+                shown.append(f"rays {form} {100 * statistics.median(own):+.1f} % ({100 * low:+.1f} to {100 * high:+.1f})")
             print(f"{Path(scene).name} {name}, {arguments.rays} rays, {arguments.threads} threads: Rust "
                   f"{1e3 * statistics.median(rust):.2f} ms; {'; '.join(shown)} | load {os.getloadavg()[0]:.1f}", flush=True)  # fmt: skip
 

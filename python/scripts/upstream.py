@@ -1,12 +1,14 @@
 #!/usr/bin/env python3
 """Runs trimesh's and Open3D's own tests with our classes in place of theirs.
 
-    upstream.py [--trimesh DIRECTORY] [--open3d FILE] [pytest's arguments]
+    upstream.py [--trimesh DIRECTORY] [--open3d FILE] [--only trimesh|open3d] [pytest's arguments]
 
 DIRECTORY: a checkout of trimesh with `tests` and `models`, of the version that is installed; FILE: Open3D's
-`python/test/t/geometry/test_raycasting_scene.py`. Without them each is fetched by git, shallowly. What cannot be had is said
-and counts as a failure. Nothing of theirs is copied into this repository. Needs trimesh, scipy, rtree and, for the second,
-open3d.
+`python/test/t/geometry/test_raycasting_scene.py`. Without them each is fetched by git, shallowly. Where that is not possible
+trimesh's tests come from its source package by pip. That package has neither the tests' module `generic` nor the models: a stand-in
+takes the module's place, and tests that need a model other than a cube and a sphere are skipped and counted. Open3D has no source
+package. What cannot be had is said and counts as a failure. Nothing of theirs is copied into this repository. Needs trimesh, scipy,
+rtree and, for one test each, shapely and manifold3d; for the second, open3d.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from __future__ import annotations
 import argparse
 import subprocess
 import sys
+import tarfile
 import tempfile
 from pathlib import Path
 
@@ -75,6 +78,47 @@ def pytest_sessionfinish(session, exitstatus):
         session.exitstatus = 1
 """
 
+# In place of what trimesh's tests import and its source package does not have.
+GENERIC = """
+import logging as _logging
+import time
+import unittest
+from collections import deque
+
+import numpy as np
+import pytest as _pytest
+import trimesh
+from trimesh import Trimesh, transformations
+from trimesh.constants import tol
+
+try:
+    from shapely.geometry import Point, Polygon
+except ImportError:
+    def __getattr__(name):
+        if name in ("Point", "Polygon"):
+            _pytest.skip("shapely is not installed")
+        raise AttributeError(name)
+
+log = _logging.getLogger("trimesh")
+random = np.random.default_rng(0).random
+transforms = [transformations.random_rotation_matrix(random(3)) for _ in range(20)]
+_made = {"unit_cube.STL": trimesh.creation.box, "unit_sphere.STL": lambda: trimesh.creation.icosphere(2)}
+
+def get_mesh(name, **kwargs):
+    if name not in _made:
+        _pytest.skip("the source package of trimesh does not have the model " + name)
+    made = _made[name]()
+    return Trimesh(made.vertices, made.faces, **kwargs)
+
+def get_meshes(count):
+    return [get_mesh(name) for name in list(_made)[:count]]
+
+class _Data:
+    def __getitem__(self, name):
+        _pytest.skip("the source package of trimesh does not have the data " + name)
+data = _Data()
+"""
+
 DEVICES = """
 def list_devices(**_):
     import open3d as o3d
@@ -97,12 +141,43 @@ def fetched(repository: str, tag: str, where: Path) -> Path | None:
     return where
 
 
+def from_source_package(name: str, version: str, where: Path) -> Path | None:
+    """What is in the source package of a version, by pip, or none."""
+    where.mkdir(parents=True)
+    pip = [sys.executable, "-m", "pip", "download", "-q", "--no-deps", "--no-binary", name, "-d", str(where), f"{name}=={version}"]
+    done = subprocess.run(pip, capture_output=True, text=True)
+    found = list(where.glob("*.tar.gz"))
+    if done.returncode or len(found) != 1:
+        said = (done.stderr.strip().splitlines() or ["nothing was loaded"])[-1]
+        print(f"upstream.py: the source package of {name} {version} cannot be had: {said}")
+        return None
+    with tarfile.open(found[0]) as archive:
+        archive.extractall(where, filter="data")
+    return found[0].with_name(found[0].name.removesuffix(".tar.gz"))
+
+
+def of_trimesh(version: str, scratch: Path) -> Path | None:
+    """trimesh's tests with their models; else those of its source package, beside a stand-in for what it lacks."""
+    root = fetched("mikedh/trimesh", version, scratch / "trimesh")
+    if root is not None:
+        return root
+    root = from_source_package("trimesh", version, scratch / "trimesh_source")
+    if root is None:
+        return None
+    if not (root / "tests/test_ray.py").exists():
+        print(f"upstream.py: the source package of trimesh {version} has no tests")
+        return None
+    (root / "tests/generic.py").write_text(GENERIC)
+    print(f"upstream.py: trimesh's tests are those of the source package of {version}; those that need its models are skipped")
+    return root
+
+
 def run(plugin: str, name: str, scratch: Path, tests: list[str], cwd: Path, more: list[str]) -> int:
     """pytest with a plugin that puts our classes in place."""
     (scratch / f"{name}.py").write_text(plugin)
     (scratch / "open3d_test.py").write_text(DEVICES)
     code = "import sys, pytest; sys.path.insert(0, sys.argv.pop(1)); sys.exit(pytest.main(sys.argv[1:]))"
-    command = [sys.executable, "-c", code, str(scratch), "-p", name, "-p", "no:cacheprovider", "-q", "-s", *more, *tests]
+    command = [sys.executable, "-c", code, str(scratch), "-p", name, "-p", "no:cacheprovider", "-q", "-s", "-rs", *more, *tests]
     return subprocess.run(command, cwd=cwd).returncode
 
 
@@ -118,20 +193,24 @@ def main() -> int:
         if arguments.only != "open3d":
             import trimesh
 
-            root = arguments.trimesh or fetched("mikedh/trimesh", trimesh.__version__, scratch / "trimesh")
+            root = arguments.trimesh or of_trimesh(trimesh.__version__, scratch)
             if root is None:
                 failed = 1
             else:
                 tests = ["tests/test_ray.py", "tests/test_proximity.py"]
                 failed |= run(TRIMESH, "with_our_trimesh", scratch, tests, root.resolve(), more)
         if arguments.only != "trimesh":
-            import open3d
-
+            try:
+                import open3d
+            except ImportError as error:
+                print(f"upstream.py: Open3D's tests need open3d: {error}")
+                return 1
             file = arguments.open3d
             if file is None:
                 root = fetched("isl-org/Open3D", f"v{open3d.__version__}", scratch / "open3d_source")
                 file = root and root / "python/test/t/geometry/test_raycasting_scene.py"
             if file is None:
+                print("upstream.py: Open3D's tests are in its repository alone: give the file by --open3d")
                 failed = 1
             else:
                 failed |= run(OPEN3D, "with_our_open3d", scratch, [str(file.resolve())], scratch, more)

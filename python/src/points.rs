@@ -6,8 +6,7 @@ use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadwri
 use pyo3::prelude::*;
 use rayon::prelude::*;
 use splitplane::core::error::QueryError;
-use splitplane::points::{Axes, CpuPointTree, NearestOptions, Neighbour, PointOptions};
-use splitplane::{Progress, Stage, Watch};
+use splitplane::points::{Axes, CpuPointTree, KeptBytes, NearestOptions, Neighbour, PointOptions};
 
 use crate::arrays::{flat, reserved, room, rows};
 use crate::call::{Call, Part};
@@ -15,8 +14,8 @@ use crate::failure::Failure;
 
 /// Neighbours that are found at once.
 const CHUNK: usize = 1 << 20;
-/// Queries for all within a radius at once.
-const WITHIN: usize = 1 << 12;
+/// What is kept of all within a radius: where a list ends; an index and a distance.
+const KEPT: KeptBytes = KeptBytes { list: 8, neighbour: 12 };
 
 enum OfDimensions {
     One(CpuPointTree<1>),
@@ -222,28 +221,17 @@ fn within<'py, const N: usize>(
         let (mut index, mut squared) = (Vec::new(), Vec::new());
         let filter = |point| keeps(keep, point);
         let filter: Option<&(dyn Fn(u32) -> bool + Sync)> = keep.is_some().then_some(&filter);
-        for (number, few) in queries.chunks(WITHIN).enumerate() {
-            let (done, total) = ((number * WITHIN) as u64, queries.len() as u64);
-            if watcher.progress(&Progress { stage: Stage::Rays, done, total }).is_break() {
-                return Err(QueryError::Cancelled { done, total }.into());
-            }
-            let left = max_memory.map(|limit| limit.saturating_sub(12 * index.len() as u64));
-            let options =
-                NearestOptions { k: 0, max_distance, filter, max_memory: left, watch: None };
-            let found: Result<Vec<Vec<Neighbour>>, QueryError> =
-                few.par_iter().map(|&query| tree.within(query, &options)).collect();
-            for found in found? {
-                let held = 12 * (index.len() + found.len());
-                if let Some(limit) = max_memory.filter(|&limit| held as u64 > limit) {
-                    return Err(QueryError::OutOfMemory { needed: held as u64, limit }.into());
-                }
-                index.try_reserve(found.len()).map_err(|_| Failure::memory(held))?;
-                squared.try_reserve(found.len()).map_err(|_| Failure::memory(held))?;
-                index.extend(found.iter().map(|found| found.point));
-                squared.extend(found.iter().map(|found| found.distance_squared));
-                starts.push(index.len() as i64);
-            }
-        }
+        let options =
+            NearestOptions { k: 0, max_distance, filter, max_memory, watch: Some(watcher) };
+        tree.within_each(queries, &options, KEPT, |found| -> Result<(), Failure> {
+            let held = 12 * (index.len() + found.len());
+            index.try_reserve(found.len()).map_err(|_| Failure::memory(held))?;
+            squared.try_reserve(found.len()).map_err(|_| Failure::memory(held))?;
+            index.extend(found.iter().map(|found| found.point));
+            squared.extend(found.iter().map(|found| found.distance_squared));
+            starts.push(index.len() as i64);
+            Ok(())
+        })?;
         Ok((starts, index, squared))
     })?;
     Ok((starts.into_pyarray(py), index.into_pyarray(py), squared.into_pyarray(py)))

@@ -27,6 +27,9 @@ use crate::order::ordered;
 use crate::rays::{CHUNK, LimitArgument, Rays};
 use crate::tree::{BuildArguments, build_options, busy};
 
+/// Rays whose crossings are held while they are counted.
+const COUNTED: usize = 1 << 12;
+
 struct State {
     description: Description,
     built: Box<dyn SceneAccelerator>,
@@ -389,6 +392,39 @@ impl Scene {
             Ok((columns, sum))
         })?;
         Ok(columns.into_arrays(py, counts))
+    }
+
+    /// See `splitplane.Scene.count_hits`.
+    #[expect(clippy::too_many_arguments, reason = "what Python hands over, argument by argument")]
+    fn count_hits(
+        &self,
+        py: Python<'_>,
+        rays: PyReadonlyArray2<'_, f32>,
+        limits: (LimitArgument<'_>, LimitArgument<'_>),
+        options: Options,
+        max_memory: Option<u64>,
+        mut found: PyReadwriteArray1<'_, i64>,
+        call: Call,
+    ) -> PyResult<Counts> {
+        let rays = Rays::new(&rays, &limits.0, &limits.1)?;
+        let options = scene_options(&options)?;
+        let (total, state) = (rays.len(), self.current()?);
+        let (built, found) = (&state.built, room(&mut found, total)?);
+        call.run(py, |watcher| {
+            let mut sum = Counts::default();
+            // The library has no count for scenes: crossings are held of so many rays at a time.
+            rays.in_chunks(COUNTED, |rays, first| {
+                let part = Part { watcher, first, total };
+                let query = SceneOptions { watch: Some(&part), ..options };
+                let all = built.all_hits(rays, &SceneAllHitsOptions { query, max_memory })?;
+                add(&mut sum, &all.report);
+                for (ends, found) in all.starts.windows(2).zip(&mut found[first..]) {
+                    *found = (ends[1] - ends[0]) as i64;
+                }
+                Ok(())
+            })?;
+            Ok(sum)
+        })
     }
 
     /// See `splitplane.Scene.locate`.

@@ -380,13 +380,14 @@ impl Tree {
         let (accelerator, found) = (&state.accelerator, room(&mut found, total)?);
         call.run(py, |watcher| {
             let mut sum = Counts::default();
-            rays.in_chunks(CHUNK / 4, |rays, first| {
+            let mut counts = reserved(total.min(CHUNK), 0u32)?;
+            rays.in_chunks(CHUNK, |rays, first| {
+                let counts = &mut counts[..rays.len()];
                 let part = Part { watcher, first, total };
                 let options = AllHitsOptions { culling, ignore, max_memory, watch: Some(&part) };
-                let all = accelerator.all_hits(rays, &options)?;
-                add(&mut sum, &all.report);
-                for (ends, found) in all.starts.windows(2).zip(&mut found[first..]) {
-                    *found = (ends[1] - ends[0]) as i64;
+                add(&mut sum, &accelerator.count_hits(rays, counts, &options)?);
+                for (count, found) in counts.iter().zip(&mut found[first..]) {
+                    *found = i64::from(*count);
                 }
                 Ok(())
             })?;

@@ -15,6 +15,16 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @pytest.mark.parametrize("name", ["docs/guide/src/first.md", "docs/guide/src/python.md", "python/README.md"])
 def test_code_of_documents(name: str) -> None:
+    run_blocks(name)
+
+
+@pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore:.*unraisable.*")
+def test_code_of_the_page_on_dask() -> None:
+    pytest.importorskip("distributed", reason="dask[distributed] is not installed")
+    run_blocks("docs/guide/src/dask.md")
+
+
+def run_blocks(name: str) -> None:
     text = (ROOT / name).read_text()
     blocks = list(re.finditer(r"^```python\n(.*?)^```", text, re.M | re.S))
     assert blocks and text.count("```python") == len(blocks)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import pickle
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
+import splitplane
 from splitplane import MISS, PointTree
 
 
@@ -67,3 +71,37 @@ def test_digests_and_pickles() -> None:
     other = pickle.loads(pickle.dumps(tree))
     assert other.digest == tree.digest and repr(other) == repr(tree)
     np.testing.assert_array_equal(other.nearest(points[:20], 3).index, tree.nearest(points[:20], 3).index)
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/statm"), reason="this system does not tell its memory")
+def test_a_limit_is_for_all_lists_that_wait() -> None:
+    code = """
+import resource, numpy as np, splitplane
+points = np.random.default_rng(1).normal(size=(30_000, 3)).astype(np.float32)
+tree = splitplane.PointTree.build(points)
+tree.within(points[:4], 1e-3)
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+try:
+    tree.within(np.zeros((4000, 3), np.float32), 99.0, max_memory=5_000_000)
+except splitplane.OutOfMemoryError as error:
+    print("refused", resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=100)
+    said, grown = done.stdout.split()
+    # In KiB. Each list for itself would be within the limit, 4000 of them take more than a gigabyte.
+    assert said == "refused" and int(grown) < 40_000, done.stdout + done.stderr
+
+
+def test_a_limit_refuses_the_same_on_any_number_of_threads() -> None:
+    points = np.random.default_rng(1).normal(size=(2000, 3)).astype(np.float32)
+    tree = PointTree.build(points)
+    whole = tree.within(points, 0.5)
+    # What is kept, and the last list beside it.
+    counts = np.diff(whole.starts)
+    held = np.cumsum(8 + 12 * counts)
+    least = int(max((held - (8 + 12 * counts) + 24 * counts).max(), (held + 16 * counts).max()))
+    for threads in (1, 2, 3):
+        found = tree.within(points, 0.5, max_memory=least, threads=threads)
+        assert found.index.tobytes() == whole.index.tobytes() and found.distance.tobytes() == whole.distance.tobytes()
+        with pytest.raises(splitplane.OutOfMemoryError):
+            tree.within(points, 0.5, max_memory=least - 1, threads=threads)

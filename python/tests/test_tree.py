@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import pickle
 from pathlib import Path
 
@@ -310,3 +311,51 @@ def test_a_gpu_gives_the_same_bits(ball: tuple[np.ndarray, np.ndarray], tree: Tr
         np.testing.assert_array_equal(getattr(mine, column), getattr(own, column))
     np.testing.assert_array_equal(device.any_hits(rays), mine.hit)
     assert device.closest_points([0, 0, 3]).report.answered_by_cpu == 1
+
+
+def test_counting_holds_the_crossings_of_few_rays_at_a_time() -> None:
+    vertices, faces = sphere(32, 24)
+    rays = np.tile(np.array([0.1, 0.2, -3, 0, 0, 1], np.float32), (50_000, 1))
+    tree, scene = Tree.build(vertices, faces), splitplane.Scene()
+    scene.add_instance(scene.add_geometry(vertices, faces))
+    scene.update()
+    for thing in (tree, scene):
+        # Two crossings a ray: 3 MB or more of all rays.
+        with pytest.raises(splitplane.OutOfMemoryError):
+            thing.all_hits(rays, max_memory=1_000_000)
+        assert (thing.count_hits(rays, max_memory=1_000_000) == 2).all()
+        with pytest.raises(splitplane.OutOfMemoryError):
+            thing.count_hits(rays, max_memory=1000)
+        seen: list[int] = []
+        thing.count_hits(rays, progress=lambda stage, done, total: seen.append(done))
+        assert seen == sorted(seen) and seen[-1] == 50_000
+
+
+def test_results_are_written_over_earlier_ones(tree: Tree) -> None:
+    scene = splitplane.Scene()
+    scene.add_instance(scene.add_geometry(tree.vertices, tree.faces))
+    scene.update()
+    for thing in (tree, scene):
+        rays, others = rays_at(600, 1).reshape(20, 30, 6), rays_at(600, 2).reshape(20, 30, 6)
+        hits, expected = thing.closest_hits(others), thing.closest_hits(rays)
+        again = thing.closest_hits(rays, out=hits)
+        for name in ("t", "triangle", "u", "v"):
+            assert np.shares_memory(getattr(again, name), getattr(hits, name))
+            assert getattr(hits, name).tobytes() == getattr(expected, name).tobytes()
+        occluded = thing.any_hits(others)
+        assert thing.any_hits(rays, out=occluded) is occluded
+        assert (occluded == expected.hit).all()
+        with pytest.raises(splitplane.ShapeError, match=r"out.t has shape \(20, 30\)"):
+            thing.closest_hits(rays[:3], out=hits)
+        with pytest.raises(splitplane.DtypeError, match="out must be a"):
+            thing.closest_hits(rays, out=occluded)
+        with pytest.raises(splitplane.DtypeError, match="out must be an array of bool, not uint8"):
+            thing.any_hits(rays, out=occluded.view(np.uint8))
+        with pytest.raises(splitplane.ShapeError, match="contiguous"):
+            thing.any_hits(rays, out=np.zeros((30, 20), bool).T)
+        occluded.flags.writeable = False
+        with pytest.raises(splitplane.ShapeError, match="writeable"):
+            thing.any_hits(rays, out=occluded)
+        twice = dataclasses.replace(hits, v=hits.u)
+        with pytest.raises(splitplane.ShapeError, match="out.v overlaps"):
+            thing.closest_hits(rays, out=twice)

@@ -1,8 +1,10 @@
 //! Point trees on CPU cores: built in parallel, searched by vectors.
 
 mod layout;
+mod lists;
 pub(crate) mod order;
 mod search;
 mod tree;
 
+pub use lists::KeptBytes;
 pub use tree::CpuPointTree;

@@ -177,35 +177,6 @@ impl<const N: usize> CpuPointTree<N> {
         Ok(())
     }
 
-    /// The points within [`NearestOptions::max_distance`] of a query, least (distance, index) first; k does not count.
-    ///
-    /// # Errors
-    /// More memory than allowed, or than the system has.
-    pub fn within(
-        &self,
-        query: [f32; N],
-        options: &NearestOptions<'_>,
-    ) -> Result<Vec<Neighbour>, QueryError> {
-        let stop = first_stop(self.tree.unit(), query, options.max_distance);
-        let mut list = List {
-            stop,
-            keys: Vec::new(),
-            filter: options.filter,
-            limit: options.max_memory,
-            failed: None,
-        };
-        self.search(query, &mut list);
-        if let Some(error) = list.failed {
-            return Err(error);
-        }
-        list.keys.sort_unstable();
-        let mut found = Vec::new();
-        let bytes = list.keys.len() as u64 * RECORD;
-        found.try_reserve_exact(list.keys.len()).map_err(|_| refused(bytes))?;
-        found.extend(list.keys.iter().map(|&key| Neighbour::of(self.tree.unit(), key)));
-        Ok(found)
-    }
-
     /// The box around all points, in the caller's unit, about.
     fn bounds(&self) -> ([f32; N], [f32; N]) {
         let (mut lower, mut upper) = ([0.0; N], [0.0; N]);
@@ -221,7 +192,7 @@ impl<const N: usize> CpuPointTree<N> {
     }
 
     #[inline]
-    fn search<V: Visitor>(&self, query: [f32; N], visitor: &mut V) {
+    pub(super) fn search<V: Visitor>(&self, query: [f32; N], visitor: &mut V) {
         let query = self.tree.in_units(query);
         // SAFETY: `set` was detected on this processor.
         unsafe { self.set.run(Search { layout: &self.layout, query, visitor }) }
@@ -229,9 +200,6 @@ impl<const N: usize> CpuPointTree<N> {
 }
 
 const _: () = assert!(WIDTH.pow(LEVELS as u32) >= (1 << 30) / WIDTH);
-
-/// Bytes of a key and its record.
-const RECORD: u64 = (size_of::<u64>() + size_of::<Neighbour>()) as u64;
 
 /// Bytes of a tree and its layout.
 fn bytes<const N: usize>(tree: &PointTree<N>) -> u64 {
@@ -284,33 +252,6 @@ impl Visitor for Filtered<'_> {
     fn visit(&mut self, key: u64) {
         if (self.1)(key as u32) {
             self.0.add(key);
-        }
-    }
-}
-
-struct List<'a> {
-    stop: u64,
-    keys: Vec<u64>,
-    filter: Option<&'a (dyn Fn(u32) -> bool + Sync)>,
-    limit: Option<u64>,
-    failed: Option<QueryError>,
-}
-
-impl Visitor for List<'_> {
-    #[inline(always)]
-    fn stop(&self) -> u64 {
-        self.stop
-    }
-    fn visit(&mut self, key: u64) {
-        if self.filter.is_some_and(|filter| !filter(key as u32)) {
-            return;
-        }
-        let needed = (self.keys.len() as u64 + 1) * RECORD;
-        let room = check_bytes(needed, self.limit)
-            .and_then(|()| self.keys.try_reserve(1).map_err(|_| refused(needed)));
-        match room {
-            Ok(()) => self.keys.push(key),
-            Err(error) => (self.failed, self.stop) = (Some(error), 0),
         }
     }
 }

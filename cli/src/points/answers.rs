@@ -6,14 +6,13 @@ use super::work::{Work, room};
 use crate::failure::Failure;
 use crate::hit_file::{start, starts_beside};
 use crate::{cloud, ending, files, progress};
-use rayon::prelude::*;
 use splitplane::QueryError;
-use splitplane::points::{NearestOptions, Neighbour};
+use splitplane::points::{KeptBytes, NearestOptions, Neighbour};
 use std::path::{Path, PathBuf};
 
 const NEIGHBOUR: &str = "[('distance', '<f4'), ('point', '<u4')]";
 const PLANE: &str = "[('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('variation', '<f4')]";
-/// Queries between two looks at whether the run is to end.
+/// Points between two looks at whether the run is to end.
 const FEW: usize = 1024;
 
 fn record(near: &Neighbour) -> [u8; 8] {
@@ -74,28 +73,22 @@ pub(super) fn within(
     starts.extend(0u64.to_le_bytes());
     let mut records: Vec<u8> = Vec::new();
     let bar = progress::bar(work.quiet, "points within", queries.len() as u64);
-    let threads = rayon::current_num_threads();
-    // Lists wait until those asked with them are found. So of a limit that is left each of them may take its part.
-    let together = if work.limit.is_some() { threads } else { FEW };
-    for queries in queries.chunks(together) {
-        ending::check()?;
-        let left = work.limit.map(|limit| limit.saturating_sub(records.len() as u64));
-        let left = left.map(|left| left / queries.len() as u64);
-        let options =
-            NearestOptions { max_distance: radius, max_memory: left, ..NearestOptions::default() };
-        let found: Vec<Result<Vec<Neighbour>, QueryError>> =
-            queries.par_iter().map(|&query| work.tree.within(query, &options)).collect();
-        for found in found {
-            let found = found?;
-            let needed = (records.len() + 8 * found.len()) as u64;
-            check(needed, work.limit)?;
-            let refused = |_| QueryError::OutOfMemory { needed, limit: needed };
-            records.try_reserve(8 * found.len()).map_err(refused)?;
-            records.extend(found.iter().flat_map(record));
-            starts.extend((records.len() as u64 / 8).to_le_bytes());
-        }
-        bar.inc(queries.len() as u64);
-    }
+    let options = NearestOptions {
+        max_distance: radius,
+        max_memory: work.limit,
+        watch: Some(&progress::Unseen),
+        ..NearestOptions::default()
+    };
+    let kept = KeptBytes { list: 8, neighbour: 8 };
+    work.tree.within_each(queries, &options, kept, |found| -> Result<(), Failure> {
+        let needed = (records.len() + 8 * found.len()) as u64;
+        let refused = |_| QueryError::OutOfMemory { needed, limit: needed };
+        records.try_reserve(8 * found.len()).map_err(refused)?;
+        records.extend(found.iter().flat_map(record));
+        starts.extend((records.len() as u64 / 8).to_le_bytes());
+        bar.inc(1);
+        Ok(())
+    })?;
     bar.finish_and_clear();
     let found = records.len() / 8;
     let mut bytes = start(path, NEIGHBOUR, 8, found)?;

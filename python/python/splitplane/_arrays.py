@@ -222,3 +222,20 @@ def room(shape: tuple[int, ...], dtype: Any) -> npt.NDArray[Any]:
         return np.empty(shape, dtype)
     except (MemoryError, ValueError) as error:
         raise OutOfMemoryError(f"there is no memory for results of shape {shape}: {error}") from error
+
+
+def given(columns: dict[str, Any], leading: tuple[int, ...], dtypes: tuple[Any, ...], asked: npt.NDArray[Any]) -> list[npt.NDArray[Any]]:
+    """Arrays of the caller's that take results of a shape: one after the other, flat. They must not overlap, nor what is asked."""
+    flat: list[npt.NDArray[Any]] = []
+    for (name, array), dtype in zip(columns.items(), dtypes):
+        if not isinstance(array, np.ndarray) or array.dtype != dtype:
+            found = array.dtype if isinstance(array, np.ndarray) else type(array).__name__
+            raise DtypeError(f"{name} must be an array of {np.dtype(dtype)}, not {found}")
+        if array.shape != leading:
+            raise ShapeError(f"{name} has shape {array.shape}, but results have {leading}")
+        if not array.flags.c_contiguous or not array.flags.aligned or not array.flags.writeable:
+            raise ShapeError(f"{name} must be contiguous in the order of C, aligned, and writeable")
+        if any(np.may_share_memory(array, other) for other in (asked, *flat)):
+            raise ShapeError(f"{name} overlaps another array of this call")
+        flat.append(array.reshape(-1))
+    return flat

@@ -109,6 +109,9 @@ class Scene:
     def all_hits(
         self, rays: F32, limits: _Limits, options: _SceneOptions, max_memory: int | None, call: Call
     ) -> _Crossings: ...
+    def count_hits(
+        self, rays: F32, limits: _Limits, options: _SceneOptions, max_memory: int | None, found: I64, call: Call
+    ) -> _Counts: ...
     def locate(self, points: F32, max_memory: int | None, winding: I32, boundary: Bool, call: Call) -> _Counts: ...
     def closest_points(
         self,

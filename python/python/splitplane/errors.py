@@ -9,6 +9,11 @@ from __future__ import annotations
 class SplitplaneError(Exception):
     """Anything that splitplane refuses."""
 
+    def __new__(cls, *args: object) -> SplitplaneError:
+        # Of two kinds of exceptions Python finds the second's, which refuses the class: whoever calls it, as tblib does when it brings
+        # an exception from another process, would get a TypeError instead.
+        return Exception.__new__(cls, *args)
+
 
 class ShapeError(SplitplaneError, ValueError):
     """An array has the wrong shape."""
@@ -76,6 +81,14 @@ class FileError(SplitplaneError, ValueError):
 
 class WrongMeshError(SplitplaneError, ValueError):
     """A tree was built over another mesh."""
+
+
+class DigestError(SplitplaneError, ValueError):
+    """A tree of another process has another digest than that which was shared with it."""
+
+
+class ClusterError(SplitplaneError, RuntimeError):
+    """A cluster gave no answer: there is none, or its workers died."""
 
 
 class BusyError(SplitplaneError, RuntimeError):

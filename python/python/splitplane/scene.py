@@ -14,7 +14,7 @@ from ._handle import Handle
 from ._options import backend_arguments, build_arguments, ignored_instance
 from .errors import DtypeError, ShapeError
 from .results import Located, Report, SceneClosestPoints, SceneCrossings, SceneHits
-from .tree import distances_and_points, file_of, normals_of, points_of, rays_of
+from .tree import distances_and_points, file_of, hits_in, normals_of, occluded_in, points_of, rays_of
 
 
 def matrix_of(transform: Any) -> F32:
@@ -194,16 +194,15 @@ class Scene(Handle[_native.Scene]):
         culling: str = "none",
         mask: int = MISS,
         ignore: tuple[int, int] | None = None,
+        out: SceneHits | None = None,
         threads: int | None = None,
         progress: Progress | None = None,
     ) -> SceneHits:
-        """The hit of least (t, instance, triangle) of each ray. ignore: an instance and a face of it."""
+        """The hit of least (t, instance, triangle) of each ray. ignore: an instance and a face of it. out: hits to write over."""
         native = self._native
         options, call = self._options(accuracy, culling, mask, ignore), arrays.call(threads, progress)
         rows, limits, leading, rounded = rays_of(rays, t_min, t_max, None)
-        count = (len(rows),)
-        t, u, v = (arrays.room(count, np.float32) for _ in range(3))
-        triangle, geometry, instance = (arrays.room(count, np.uint32) for _ in range(3))
+        t, triangle, u, v, geometry, instance = hits_in(out, SceneHits, leading, rows)
         counts = native.closest_hits(rows, limits, options, (t, u, v), (triangle, geometry, instance), call)
         t, triangle, u, v = (column.reshape(leading) for column in (t, triangle, u, v))
         report = Report(*counts, rounded)
@@ -219,16 +218,17 @@ class Scene(Handle[_native.Scene]):
         culling: str = "none",
         mask: int = MISS,
         ignore: tuple[int, int] | None = None,
+        out: Bool | None = None,
         threads: int | None = None,
         progress: Progress | None = None,
     ) -> Bool:
-        """Whether each ray hits anything: bool, of the leading shape."""
+        """Whether each ray hits anything: bool, of the leading shape. out: an array of that shape to write over."""
         native = self._native
         options, call = self._options(accuracy, culling, mask, ignore), arrays.call(threads, progress)
         rows, limits, leading, _ = rays_of(rays, t_min, t_max, None)
-        occluded = arrays.room((len(rows),), np.bool_)
+        occluded = occluded_in(out, leading, rows)
         native.any_hits(rows, limits, options, occluded, call)
-        return occluded.reshape(leading)
+        return occluded.reshape(leading) if out is None else out
 
     def all_hits(
         self,
@@ -253,10 +253,30 @@ class Scene(Handle[_native.Scene]):
         )
         return SceneCrossings(starts, t, triangle, u, v, front, Report(*counts, rounded), geometry, instance)
 
-    def count_hits(self, rays: Any, **options: Any) -> I64:
-        """How many crossings each ray has: int64, of the leading shape. Settings are those of :meth:`all_hits`."""
-        given = arrays.as_array(rays, "rays")
-        return np.diff(self.all_hits(given, **options).starts).reshape(given.shape[:-1])
+    def count_hits(
+        self,
+        rays: Any,
+        *,
+        t_min: Any = None,
+        t_max: Any = None,
+        culling: str = "none",
+        mask: int = MISS,
+        ignore: tuple[int, int] | None = None,
+        max_memory: int | None = None,
+        threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> I64:
+        """How many crossings each ray has: int64, of the leading shape. As :meth:`all_hits`, without keeping them.
+
+        max_memory: of the crossings of some thousands of rays, which are held while they are counted.
+        """
+        native = self._native
+        options, call = self._options("exact", culling, mask, ignore), arrays.call(threads, progress)
+        limit = arrays.memory(max_memory)
+        rows, limits, leading, _ = rays_of(rays, t_min, t_max, None)
+        found = arrays.room((len(rows),), np.int64)
+        native.count_hits(rows, limits, options, limit, found, call)
+        return found.reshape(leading)
 
     def locate(
         self,

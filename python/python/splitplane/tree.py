@@ -210,6 +210,7 @@ class Tree(Handle[_native.Tree]):
         accuracy: str = "watertight",
         culling: str = "none",
         ignore: int | None = None,
+        out: Hits | None = None,
         threads: int | None = None,
         progress: Progress | None = None,
     ) -> Hits:
@@ -219,14 +220,13 @@ class Tree(Handle[_native.Tree]):
         accuracy: ``watertight``: no ray slips between two faces that share an edge; ``exact``: the hit of real arithmetic;
         ``fast``: may leak at edges.
         culling: ``back`` or ``front``: the side of faces that is ignored. ignore: one face that all rays ignore.
+        out: hits of an earlier call of the same shape, whose arrays are written over. Short calls are faster without new memory.
         """
         native = self._native
         options = query_arguments(accuracy, culling, ignore)
         call = arrays.call(threads, progress)
         rows, limits, leading, rounded = rays_of(rays, t_min, t_max, self._origin)
-        count = (len(rows),)
-        t, u, v = (arrays.room(count, np.float32) for _ in range(3))
-        triangle = arrays.room(count, np.uint32)
+        t, triangle, u, v = hits_in(out, Hits, leading, rows)
         counts = native.closest_hits(rows, limits, options, t, triangle, u, v, call)
         t, triangle, u, v = (column.reshape(leading) for column in (t, triangle, u, v))
         return Hits(t, triangle, u, v, Report(*counts, rounded))
@@ -240,17 +240,21 @@ class Tree(Handle[_native.Tree]):
         accuracy: str = "watertight",
         culling: str = "none",
         ignore: int | None = None,
+        out: Bool | None = None,
         threads: int | None = None,
         progress: Progress | None = None,
     ) -> Bool:
-        """Whether each ray hits anything: bool, of the leading shape. Cheaper than the closest hit."""
+        """Whether each ray hits anything: bool, of the leading shape. Cheaper than the closest hit.
+
+        out: an array of that shape, which is written over and returned.
+        """
         native = self._native
         options = query_arguments(accuracy, culling, ignore)
         call = arrays.call(threads, progress)
         rows, limits, leading, _ = rays_of(rays, t_min, t_max, self._origin)
-        occluded = arrays.room((len(rows),), np.bool_)
+        occluded = occluded_in(out, leading, rows)
         native.any_hits(rows, limits, options, occluded, call)
-        return occluded.reshape(leading)
+        return occluded.reshape(leading) if out is None else out
 
     def all_hits(
         self,
@@ -284,7 +288,10 @@ class Tree(Handle[_native.Tree]):
         threads: int | None = None,
         progress: Progress | None = None,
     ) -> I64:
-        """How many crossings each ray has: int64, of the leading shape. As :meth:`all_hits`, without keeping them."""
+        """How many crossings each ray has: int64, of the leading shape. As :meth:`all_hits`, without keeping them.
+
+        A GPU counts them itself. max_memory: of the crossings of some thousands of rays, which the CPU holds while it counts.
+        """
         native = self._native
         options = (arrays.text(culling, "culling"), arrays.maybe_whole(ignore, "ignore"), arrays.memory(max_memory))
         call = arrays.call(threads, progress)
@@ -434,6 +441,24 @@ def checked_origin(origin: F64 | None) -> F64 | None:
     if origin is not None and origin.shape != (3,):
         raise ShapeError(f"origin has shape {origin.shape}, but must have (3,)")
     return origin
+
+
+def hits_in(out: Any, kind: type[Hits], leading: tuple[int, ...], rows: F32) -> tuple[Any, ...]:
+    """Room for hits, flat: t, triangle, u, v, and where there are any geometry and instance; new, or that of earlier hits."""
+    named = ("geometry", "instance") if kind is not Hits else ()
+    names, dtypes = ("t", "triangle", "u", "v", *named), (np.float32, np.uint32, np.float32, np.float32, np.uint32, np.uint32)
+    if out is None:
+        return tuple(arrays.room((len(rows),), dtype) for _, dtype in zip(names, dtypes))
+    if not isinstance(out, kind):
+        raise DtypeError(f"out must be a {kind.__name__}, not {type(out).__name__}")
+    return tuple(arrays.given({f"out.{name}": getattr(out, name) for name in names}, leading, dtypes, rows))
+
+
+def occluded_in(out: Any, leading: tuple[int, ...], rows: F32) -> Any:
+    """Room for whether rays hit, flat."""
+    if out is None:
+        return arrays.room((len(rows),), np.bool_)
+    return arrays.given({"out": out}, leading, (np.bool_,), rows)[0]
 
 
 def distances_and_points(squared: F64, point: F32, triangle: U32, origin: F64 | None) -> tuple[F64, Any]:
