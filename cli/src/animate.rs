@@ -13,13 +13,14 @@ use super::{output, progress};
 use clap::Args;
 use serde::Serialize;
 use splitplane::picture::{self, Movie, MovieFormat};
-use splitplane::render::Outputs;
+use splitplane::render::{Outputs, Part};
 use splitplane::scene::{Animation, Camera, Change, InstancedScene};
 use splitplane::tracer::{FrameRequest, Moved, Tracer};
 use std::ffi::OsString;
 use std::fs;
 use std::io::BufWriter;
 use std::num::NonZeroU32;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -33,8 +34,8 @@ pub(super) struct Arguments {
     /// An .obj, .ply, .stl, .gltf or .glb file, a .json scene file, or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE", default_value = DEFAULT_SCENE)]
     scene: OsString,
-    /// How the scene moves: a folder of .obj files in the order of their names, or NAME.frames.bin with
-    /// NAME.frames.json beside it; a built-in scene moves by itself
+    /// How the scene moves: a folder of .obj files in the order of their names, NAME.frames.bin with
+    /// NAME.frames.json beside it, or NAME.npy of shape (frames, vertices, 3); a built-in scene moves by itself
     #[arg(long, value_name = "FILE|DIR")]
     frames: Option<PathBuf>,
     /// Folder for the pictures, frame-0000.png and so on; made when it is not there
@@ -49,6 +50,10 @@ pub(super) struct Arguments {
     /// How many frames to make, from the first on and over again; all of them once when left out
     #[arg(long, value_name = "N", value_parser = frame_count)]
     count: Option<NonZeroU32>,
+    /// Render only part I of N of the frames, those that follow one another; pictures have the names that they have
+    /// without
+    #[arg(long, value_name = "I/N", requires = "out", conflicts_with = "movie")]
+    part: Option<Part>,
     #[command(flatten)]
     look: Look,
     #[command(flatten)]
@@ -201,13 +206,15 @@ impl Arguments {
         let all = u32::try_from(animation.frames()).unwrap_or(u32::MAX);
         let count = self.count.or(NonZeroU32::new(all)).unwrap_or(NonZeroU32::MIN);
         let mut movie = self.open_movie(format, count)?;
-        let count = count.get() as usize;
-        let bar = progress::bar(common.quiet, "rendering", count as u64);
+        let numbers = self.numbers(count)?;
+        let (start, count) = (numbers.start as usize, numbers.end as usize);
+        let bar = progress::bar(common.quiet, "rendering", numbers.len() as u64);
         let (mut times, mut pixels) = (Vec::new(), Vec::new());
         let mut before = Crossed::so_far(&stage.tracer);
-        let first = self.build(&mut stage, &mut animation, 0)?;
+        let frame = start % animation.frames();
+        let first = self.build(&mut stage, &mut animation, frame)?;
         let mut traced = Some(self.trace(&mut stage, &animation, first)?);
-        for number in 0..count {
+        for number in start..count {
             let Some(took) = traced.take() else { break };
             // While this frame is traced, the tree of the next one is built. What goes wrong with the next one ends
             // the run after this one.
@@ -251,14 +258,15 @@ impl Arguments {
         let frames = stage.scene.frames;
         let count = self.count.or(NonZeroU32::new(frames)).unwrap_or(NonZeroU32::MIN);
         let mut movie = self.open_movie(format, count)?;
-        let bar = progress::bar(common.quiet, "rendering", u64::from(count.get()));
+        let numbers = self.numbers(count)?;
+        let bar = progress::bar(common.quiet, "rendering", numbers.len() as u64);
         let request = FrameRequest {
             settings: look.settings(SAMPLES, &stage.placed)?,
             query: common.query_options(),
             ..FrameRequest::new(stage.placed.camera.pinhole(look.size), look.size)
         };
         let mut times = Vec::new();
-        for number in 0..count.get() {
+        for number in numbers {
             let frame = number % frames;
             let update = stage.update(frame)?;
             let start = Instant::now();
@@ -285,6 +293,18 @@ impl Arguments {
             output.push(path.display().to_string());
         }
         AnimatedObjects::new(&stage, look, times, output).print(&stage, common)
+    }
+
+    /// The frames of this run, by number, of so many.
+    fn numbers(&self, count: NonZeroU32) -> Result<Range<u32>, Failure> {
+        let part = self.part.unwrap_or_default();
+        let numbers = part.share(count.get());
+        if numbers.is_empty() {
+            return Err(Failure::usage(format!(
+                "--part {part}: there are {count} frames, so this part has none; take at most {count} parts"
+            )));
+        }
+        Ok(numbers)
     }
 
     fn open_movie(

@@ -16,6 +16,8 @@ mod files;
 mod hit_file;
 mod knobs;
 mod look;
+mod made;
+pub mod merge;
 mod mesa;
 pub mod npy;
 mod objects;
@@ -25,6 +27,8 @@ mod options;
 mod output;
 mod paper;
 mod parity;
+mod part_file;
+mod part_settings;
 mod percentiles;
 mod points;
 mod prepared;
@@ -69,6 +73,8 @@ enum Verb {
     Render(render::Arguments),
     /// Render a scene that moves, its tree rebuilt for every frame.
     Animate(animate::Arguments),
+    /// Make a picture of the parts that `render --part` wrote.
+    Merge(merge::Arguments),
     /// Build a tree and report what it is like.
     Build(build::Arguments),
     /// Build a tree and say all about it: memory, leaves, what rays are expected to cost and do.
@@ -122,6 +128,7 @@ impl Cli {
             Some(
                 Verb::Adapters(_)
                 | Verb::Convert(_)
+                | Verb::Merge(_)
                 | Verb::Paper(_)
                 | Verb::Points(_)
                 | Verb::Trade(_)
@@ -164,6 +171,7 @@ pub fn main() -> ExitCode {
         None => render::run(&cli.render),
         Some(Verb::Render(arguments)) => render::run(&arguments),
         Some(Verb::Animate(arguments)) => animate::run(&arguments),
+        Some(Verb::Merge(arguments)) => merge::run(&arguments),
         Some(Verb::Build(arguments)) => build::run(&arguments),
         Some(Verb::Stats(arguments)) => stats::run(&arguments),
         Some(Verb::Query(arguments)) => query::run(&arguments),

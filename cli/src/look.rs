@@ -5,7 +5,7 @@ use super::options::{Common, bytes, point, size};
 use clap::{Args, ValueEnum};
 use splitplane::Accelerator;
 use splitplane::render::{
-    Environment, FrameStats, Gather, Light, LightTransport, RenderSettings, Size,
+    Environment, FrameStats, Gather, Light, LightTransport, Part, RenderSettings, Size,
 };
 use splitplane::scene::{
     Camera, InstancedScene, MaterialRule, Placement, Scene, SceneOptions, View,
@@ -379,6 +379,7 @@ impl Look {
             photons: self.photons.unwrap_or(RenderSettings::default().photons),
             neighbours: self.neighbours.unwrap_or(RenderSettings::default().neighbours),
             gather: self.gather.map_or(Gather::Maps, Gather::from),
+            part: Part::WHOLE,
         };
         settings.validate().map_err(|error| Failure::usage(error.to_string()))?;
         Ok(settings)

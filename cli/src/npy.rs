@@ -1,31 +1,8 @@
 //! The .npy format of NumPy, as much of it as rays and hits need: versions 1 to 3, C order.
 
-use splitplane_scene::from_file::{quoted, quoted_word};
+pub(super) use splitplane_scene::npy::NpyError;
+use splitplane_scene::npy::{Header, MAGIC};
 use std::fmt;
-use thiserror::Error;
-
-const MAGIC: &[u8; 6] = b"\x93NUMPY";
-
-/// What is wrong with an .npy file.
-#[derive(Debug, PartialEq, Eq, Error)]
-pub(super) enum NpyError {
-    #[error("it does not start as an .npy file does")]
-    Magic,
-    #[error("its version {0} is not known; versions 1 to 3 are")]
-    Version(u8),
-    #[error("its header is damaged")]
-    Header,
-    #[error("its numbers are of type `{0}`; they must be '<f4' or '<f8'")]
-    Type(String),
-    #[error("it is in Fortran order; save it in C order, as numpy.ascontiguousarray does")]
-    Fortran,
-    #[error("its shape is {0}; it must be (n, {1})")]
-    Shape(String, usize),
-    #[error("there is not memory enough for its numbers")]
-    Memory,
-    #[error("its header promises {promised} bytes of numbers, but {found} follow")]
-    Length { promised: u64, found: u64 },
-}
 
 /// True for bytes that start as an .npy file does.
 pub fn is_npy(bytes: &[u8]) -> bool {
@@ -37,62 +14,17 @@ pub(super) fn read_rows<const N: usize, T>(
     bytes: &[u8],
     make: impl Fn([f32; N]) -> T,
 ) -> Result<Vec<T>, NpyError> {
-    let rest = bytes.strip_prefix(MAGIC).ok_or(NpyError::Magic)?;
-    let (&[major, _minor], rest) = rest.split_first_chunk::<2>().ok_or(NpyError::Header)?;
-    let (length, rest) = match major {
-        1 => {
-            let (length, rest) = rest.split_first_chunk::<2>().ok_or(NpyError::Header)?;
-            (usize::from(u16::from_le_bytes(*length)), rest)
-        }
-        2 | 3 => {
-            let (length, rest) = rest.split_first_chunk::<4>().ok_or(NpyError::Header)?;
-            (u32::from_le_bytes(*length) as usize, rest)
-        }
-        other => return Err(NpyError::Version(other)),
-    };
-    let (header, numbers) = rest.split_at_checked(length).ok_or(NpyError::Header)?;
-    let header = std::str::from_utf8(header).map_err(|_| NpyError::Header)?;
-    let kind = value(header, "descr")?;
-    let kind = kind.strip_prefix(['\'', '"']).and_then(|rest| rest.split(['\'', '"']).next());
-    // A list of named fields does not start with a quote.
-    let kind = kind.unwrap_or("several fields");
-    let size = match kind {
-        "<f4" => 4,
-        "<f8" => 8,
-        other => return Err(NpyError::Type(quoted_word(other))),
-    };
-    match value(header, "fortran_order")? {
-        order if order.starts_with("False") => {}
-        order if order.starts_with("True") => return Err(NpyError::Fortran),
-        _ => return Err(NpyError::Header),
+    let mut numbers = bytes;
+    // What is in memory can be read.
+    let header = Header::read(&mut numbers).map_err(|_| NpyError::Memory)??;
+    if header.sides.len() != 2 || header.sides[1] != N as u64 {
+        return Err(header.wrong_shape(if N == 3 { "(n, 3)" } else { "(n, 8)" }));
     }
-    let shape = value(header, "shape")?;
-    let end = shape.find(')').ok_or(NpyError::Header)?;
-    let shape = shape.get(..=end).ok_or(NpyError::Header)?;
-    let wrong_shape = || NpyError::Shape(quoted(shape), N);
-    // More sides than a matrix has are not all looked at.
-    let sides: Vec<u64> = shape
-        .trim_matches(['(', ')'])
-        .split(',')
-        .map(str::trim)
-        .filter(|side| !side.is_empty())
-        .take(3)
-        .map(str::parse)
-        .collect::<Result<_, _>>()
-        .map_err(|_| NpyError::Header)?;
-    let &[count, width] = &sides[..] else { return Err(wrong_shape()) };
-    if width != N as u64 {
-        return Err(wrong_shape());
-    }
-    let promised = count.checked_mul(width * size).ok_or(NpyError::Header)?;
-    let found = numbers.len() as u64;
-    if promised != found {
-        return Err(NpyError::Length { promised, found });
-    }
-    let count = numbers.len() / (N * size as usize);
+    header.check_length(numbers.len() as u64)?;
+    let count = numbers.len() / (N * header.width as usize);
     let mut rows = Vec::new();
     rows.try_reserve_exact(count).map_err(|_| NpyError::Memory)?;
-    match size {
+    match header.width {
         4 => {
             let (numbers, _) = numbers.as_chunks::<4>();
             let (found, _) = numbers.as_chunks::<N>();
@@ -105,14 +37,6 @@ pub(super) fn read_rows<const N: usize, T>(
         }
     }
     Ok(rows)
-}
-
-/// What follows a key of the header's dictionary.
-fn value<'a>(header: &'a str, key: &str) -> Result<&'a str, NpyError> {
-    let quoted = [format!("'{key}'"), format!("\"{key}\"")];
-    let after = quoted.iter().find_map(|key| Some(&header[header.find(key)? + key.len()..]));
-    let after = after.and_then(|rest| rest.trim_start().strip_prefix(':'));
-    after.map(str::trim_start).ok_or(NpyError::Header)
 }
 
 /// The header of a one-dimensional array; the numbers follow it.
@@ -176,7 +100,7 @@ mod tests {
         }
         let point = file(1, &dictionary("'<f4'", "False", "(1, 3)"), &narrow[4..16]);
         assert_eq!(read_rows::<3>(&point), Ok(vec![[1.0, 2.0, 3.0]]));
-        assert_eq!(read_rows::<8>(&point), Err(NpyError::Shape("(1, 3)".into(), 8)));
+        assert_eq!(read_rows::<8>(&point), Err(NpyError::Shape { found: "(1, 3)".into(), expected: "(n, 8)" }));
         let none = file(1, &dictionary("'<f4'", "False", "(0, 8)"), &[]);
         assert_eq!(read_rows::<8>(&none), Ok(vec![]));
     }
@@ -191,8 +115,8 @@ mod tests {
             Err(NpyError::Type("several fields".into()))
         );
         assert_eq!(read("'<f4'", "True", "(1, 8)"), Err(NpyError::Fortran));
-        assert_eq!(read("'<f4'", "False", "(8,)"), Err(NpyError::Shape("(8,)".into(), 8)));
-        assert_eq!(read("'<f4'", "False", "(2, 3)"), Err(NpyError::Shape("(2, 3)".into(), 8)));
+        assert_eq!(read("'<f4'", "False", "(8,)"), Err(NpyError::Shape { found: "(8,)".into(), expected: "(n, 8)" }));
+        assert_eq!(read("'<f4'", "False", "(2, 3)"), Err(NpyError::Shape { found: "(2, 3)".into(), expected: "(n, 8)" }));
         assert_eq!(
             read("'<f4'", "False", "(1, 8)"),
             Err(NpyError::Length { promised: 32, found: 0 })

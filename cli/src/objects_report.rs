@@ -7,7 +7,7 @@ use super::options::Common;
 use super::output;
 use super::percentiles::Percentiles;
 use super::prepared::{counted, print_json};
-use super::render::Written;
+use super::made::Written;
 use serde::Serialize;
 use splitplane::render::FrameStats;
 use splitplane_scene::from_file::quoted;

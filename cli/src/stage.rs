@@ -19,7 +19,7 @@ pub(super) struct Stage {
     pub(super) tracer: Tracer,
     pub(super) placed: Placed,
     pub(super) options: BuildOptions<'static>,
-    info: BackendInfo,
+    pub(super) info: BackendInfo,
     build_ms: f64,
     reason: String,
 }

@@ -45,7 +45,7 @@ pub(super) struct Arguments {
     /// Show the boxes of the tree's nodes at this depth; many objects have no one tree
     #[arg(long, value_name = "DEPTH")]
     boxes: Option<u32>,
-    /// How the scene moves: a folder of .obj files, or NAME.frames.bin; a built-in scene moves by itself
+    /// How the scene moves: a folder of .obj files, NAME.frames.bin or NAME.npy; a built-in scene moves by itself
     #[arg(long, value_name = "FILE|DIR")]
     frames: Option<PathBuf>,
     /// How many lights to place in a scene that has none of its own, 1 to 8

@@ -167,7 +167,7 @@ impl Buffer {
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Counter {
-    /// Pixels of the picture.
+    /// Where the pixels to make end: as many as the picture has, but in a [`Part`](crate::Part) of it.
     Pixels = 0,
     /// Pixels that no slice has taken yet.
     PixelsLeft,
@@ -236,11 +236,11 @@ impl core::ops::IndexMut<Counter> for Counters {
     }
 }
 
-/// The counters that a frame starts with.
-pub fn first_counters(pixels: u32) -> Counters {
+/// The counters that a frame of these pixels starts with.
+pub fn first_counters(pixels: core::ops::Range<u32>) -> Counters {
     let mut counters = Counters::default();
-    counters[Counter::Pixels] = pixels;
-    counters[Counter::PixelsLeft] = pixels;
+    counters[Counter::Pixels] = pixels.end;
+    counters[Counter::PixelsLeft] = pixels.end - pixels.start;
     counters
 }
 

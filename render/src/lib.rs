@@ -30,6 +30,7 @@ mod lobes;
 mod material;
 mod microfacet;
 mod paths;
+mod part;
 #[cfg(feature = "picture")]
 pub mod picture;
 mod plan;
@@ -59,6 +60,7 @@ pub use frame::{FrameInput, FrameStats};
 pub use kernel::RayTracer;
 pub use light::{Environment, Light};
 pub use material::{Dielectric, Material};
+pub use part::{MAX_PARTS, Part, PartError};
 pub use plan::{Outputs, Plan, PlanError, Room};
 pub use scene_data::instances;
 pub use scene_data::{Appearance, AppearanceError, Needs, SceneData};

@@ -9,6 +9,7 @@ use crate::scene_data::{NONE, Needs, SceneData};
 use crate::settings::{
     Gather, LightTransport, MAX_SHADOW_RAYS, RenderSettings, SettingsError, Size,
 };
+use core::ops::Range;
 use splitplane_core::ray::{Culling, QueryOptions};
 use thiserror::Error;
 
@@ -146,7 +147,8 @@ impl Plan {
         let branching = if plan.branches() { 2 } else { 1 };
         // A small picture has as many paths per pixel as a large one.
         let least = if plan.branches() { LEAST_BRANCHING_ROOM } else { 1 };
-        let wanted = u64::from(size.pixels()) * u64::from(settings.samples) * branching;
+        let pixels = settings.part.pixels(size).len() as u32;
+        let wanted = u64::from(pixels) * u64::from(settings.samples) * branching;
         let wanted = wanted.max(least);
         let paths = room
             .paths
@@ -155,7 +157,7 @@ impl Plan {
             .min(listed / per_path)
             .min(wanted.min(1 << 30) as u32);
         let slice_paths = u64::from(paths) / branching;
-        plan.slice_pixels = (slice_paths as u32 / settings.samples).clamp(1, size.pixels());
+        plan.slice_pixels = (slice_paths as u32 / settings.samples).clamp(1, pixels.max(1));
         plan.path_room = paths.max(plan.slice_pixels * settings.samples * branching as u32);
         plan.shadow_room = plan.path_room * per_path;
         for (what, buffer) in [
@@ -199,9 +201,14 @@ impl Plan {
         &self.needs
     }
 
-    /// Number of slices of the picture, which are traced one at a time.
+    /// The pixels to make: those of [`RenderSettings::part`](crate::RenderSettings::part), counted row by row from the top left.
+    pub fn pixels(&self) -> Range<u32> {
+        self.settings.part.pixels(self.size)
+    }
+
+    /// Number of slices of those pixels, which are traced one at a time.
     pub fn slices(&self) -> u32 {
-        self.size.pixels().div_ceil(self.slice_pixels)
+        (self.pixels().len() as u32).div_ceil(self.slice_pixels)
     }
 
     /// Most pixels of a slice.

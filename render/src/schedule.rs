@@ -7,8 +7,8 @@ use splitplane_core::build::schedule::Executor;
 
 /// Renders a frame.
 ///
-/// The executor must hold the scene and the frame's uniform; [`Counter::Pixels`] and
-/// [`Counter::PixelsLeft`] must be the number of pixels, every other counter zero, and so must
+/// The executor must hold the scene and the frame's uniform; [`Counter::Pixels`] must be the end of
+/// [`Plan::pixels`], [`Counter::PixelsLeft`] their number, every other counter zero, and so must
 /// [`Buffer::Radiance`]. Afterwards the buffers of [`Plan::outputs`](Plan) hold the frame, unless
 /// [`Counter::Overflow`] is set.
 ///

@@ -1,6 +1,7 @@
 //! The settings of a frame: its size, and the tradeoff between speed and quality.
 
 use crate::light::Environment;
+use crate::part::Part;
 use thiserror::Error;
 
 /// Greatest width and height of a picture.
@@ -146,6 +147,8 @@ pub struct RenderSettings {
     pub neighbours: u32,
     /// Where photons are looked up.
     pub gather: Gather,
+    /// Which share of the picture is made. Of other pixels outputs say nothing: what stands there means nothing.
+    pub part: Part,
     /// A fault that a test plants.
     #[cfg(test)]
     pub(crate) planted: Option<crate::planted::Fault>,
@@ -168,6 +171,7 @@ impl Default for RenderSettings {
             photons: 100_000,
             neighbours: 64,
             gather: Gather::Maps,
+            part: Part::WHOLE,
             #[cfg(test)]
             planted: None,
         }

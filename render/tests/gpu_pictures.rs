@@ -9,7 +9,7 @@ use splitplane_core::ray::Accuracy;
 use splitplane_render::cpu::CpuRenderer;
 use splitplane_render::kernel::Kernel;
 use splitplane_render::wgpu::WgpuRenderer;
-use splitplane_render::{FrameStats, Outputs, RenderError};
+use splitplane_render::{FrameInput, FrameStats, Outputs, Part, RenderError, RenderSettings};
 use wgpu::BufferUsages as Usage;
 
 /// Renders on both sides and compares every output.
@@ -44,6 +44,33 @@ fn pictures_have_the_bits_of_the_cpus() {
     }
     // A smaller picture in the same buffers, and other outputs.
     same(&mut renderer, &both(sized(scenes::all(), [31, 17])));
+}
+
+/// A device makes the pixels of a part and no others.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn parts_of_pictures_have_the_bits_of_the_whole() {
+    let mut renderer = device::renderer();
+    let both = both(sized(scenes::all(), [31, 17]));
+    let data = both.scene.data();
+    let input = both.scene.input(&data);
+    let mut cpu = CpuRenderer::new();
+    let whole = cpu.render(&both.cpu, &input).expect("a frame");
+    let (mut pixels, mut hits, mut paths) = (Vec::new(), Vec::new(), 0);
+    for index in 1..=3 {
+        let part = Part::new(index, 3).expect("a part");
+        let settings = RenderSettings { part, ..*input.settings };
+        let input = FrameInput { settings: &settings, ..input };
+        let stats = renderer.render(&both.device, &input).expect("a frame");
+        let own = part.pixels(input.size);
+        let own = own.start as usize..own.end as usize;
+        pixels.extend_from_slice(&renderer.pixels().expect("pixels")[own.clone()]);
+        hits.extend_from_slice(&renderer.first_hits().expect("hits")[own]);
+        paths += stats.paths;
+    }
+    assert_eq!(pixels, cpu.pixels());
+    assert_eq!(hits, cpu.first_hits());
+    assert_eq!(paths, whole.paths);
 }
 
 /// Moeller and Trumbore's test may fuse, so its hits are not the CPU's to the bit.

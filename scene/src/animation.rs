@@ -5,6 +5,7 @@ mod error;
 mod obj_folder;
 mod raw_frames;
 
+pub use crate::npy::NpyError;
 pub use error::AnimationError;
 
 use super::{Camera, Scene, SceneOptions};
@@ -54,6 +55,8 @@ impl Animation {
     ///   `eye`, `dir` and `up` of three numbers each, seen with a vertical angle of `fov_y_deg`
     ///   degrees (40 without it). Where the scene has normals, they are made anew for every frame:
     ///   the mean of the triangles around, by area, with the sharp edges that the scene has.
+    /// - an array of NumPy, `NAME.npy`, of shape (frames, vertices, 3): little-endian f32, or f64 that is rounded, in C order, the
+    ///   vertices in the order of `scene`. Normals are made as for raw frames.
     /// - `None` for a built-in scene that moves.
     ///
     /// # Errors

@@ -18,6 +18,9 @@ pub mod instanced;
 mod mesh_file;
 mod normals;
 #[cfg(feature = "obj")]
+#[doc(hidden)]
+pub mod npy;
+#[cfg(feature = "obj")]
 pub mod obj;
 mod open;
 mod options;

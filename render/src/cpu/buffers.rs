@@ -64,7 +64,7 @@ impl Buffers {
         fit(&mut self.first_costs, plan.elements(Buffer::FirstCosts), FirstCost::default());
         fit(&mut self.pixels, plan.elements(Buffer::Pixels), 0);
         self.radiance.fill([0.0; 4]);
-        self.counters = crate::kernel::first_counters(plan.size().pixels());
+        self.counters = crate::kernel::first_counters(plan.pixels());
     }
 
     /// Bytes that are held, spare capacity included.

@@ -100,8 +100,7 @@ impl<'a> CpuExecutor<'a> {
             self.plan = self.plan.repeated();
         }
         self.frame.first_sequence = pass * self.frame.samples;
-        let counters = &mut self.buffers.counters;
-        counters[Counter::PixelsLeft] = counters[Counter::Pixels];
+        self.buffers.counters[Counter::PixelsLeft] = self.plan.pixels().len() as u32;
         if self.plan.photons() == 0 {
             return Ok(());
         }

@@ -58,7 +58,7 @@ impl<'a> Frame<'a> {
     pub fn pixels(&self) -> Result<Cow<'a, [u32]>, TracerError> {
         self.requested(Output::Pixels, |outputs| outputs.pixels)?;
         let pixels = on!(self.on, on => on.pixels())?;
-        check_finished(pixels.iter().filter(|pixel| **pixel >> 24 == 0).count())?;
+        check_finished(self.made(&pixels).iter().filter(|pixel| **pixel >> 24 == 0).count())?;
         Ok(pixels)
     }
 
@@ -69,7 +69,7 @@ impl<'a> Frame<'a> {
     pub fn radiance(&self) -> Result<Cow<'a, [[f32; 4]]>, TracerError> {
         self.requested(Output::Radiance, |outputs| outputs.radiance)?;
         let radiance = on!(self.on, on => on.radiance())?;
-        check_finished(radiance.iter().filter(|radiance| radiance[3] > 0.0).count())?;
+        check_finished(self.made(&radiance).iter().filter(|radiance| radiance[3] > 0.0).count())?;
         Ok(radiance)
     }
 
@@ -89,6 +89,12 @@ impl<'a> Frame<'a> {
     pub fn first_costs(&self) -> Result<Cow<'a, [FirstCost]>, TracerError> {
         self.requested(Output::FirstCosts, |outputs| outputs.first_costs)?;
         on!(self.on, on => on.first_costs())
+    }
+
+    /// Of an output the pixels that were made.
+    fn made<'b, T>(&self, output: &'b [T]) -> &'b [T] {
+        let pixels = self.stats.plan.pixels();
+        output.get(pixels.start as usize..pixels.end as usize).unwrap_or(output)
     }
 
     fn requested(

@@ -309,7 +309,7 @@ impl WgpuRenderer {
         let (buffers, pipelines) = (&mut self.buffers, &self.pipelines);
         let (submissions, redone) =
             gpu.guard(|| -> Result<(u32, Option<u64>), RenderError> {
-                buffers.upload(&gpu, &frame, &first_counters(plan.size().pixels()));
+                buffers.upload(&gpu, &frame, &first_counters(plan.pixels()));
                 let counters = buffers.get(Buffer::Counters).cloned();
                 let (loops, is_exact) = (LoopControl::Recorded, undecided.is_some());
                 let mut executor =
@@ -454,7 +454,7 @@ impl WgpuRenderer {
         let undecided = is_exact.then(|| Undecided::new(&gpu, tree, *input, frame));
         let (buffers, pipelines) = (&mut self.buffers, &self.pipelines);
         let out = gpu.guard(|| {
-            buffers.upload(&gpu, &frame, &first_counters(plan.size().pixels()));
+            buffers.upload(&gpu, &frame, &first_counters(plan.pixels()));
             buffers.fill(&gpu, plan);
             let loops = LoopControl::ReadCounters;
             run(executor(&gpu, pipelines, buffers, *plan, features, loops, undecided))

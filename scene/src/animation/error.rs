@@ -2,6 +2,7 @@
 
 use crate::builtin::BuiltinError;
 use crate::from_file::{ReadError, quoted_path};
+use crate::npy::NpyError;
 use crate::obj::ObjError;
 use crate::{CameraError, SceneError};
 use std::io;
@@ -17,7 +18,7 @@ pub enum AnimationError {
     Scene(#[from] SceneError),
     /// The scene does not move by itself.
     #[error(
-        "`{path}` does not move by itself; name its frames, a folder of .obj files or a .frames.bin, or use builtin:carousel",
+        "`{path}` does not move by itself; name its frames, a folder of .obj files, a .frames.bin or a .npy, or use builtin:carousel",
         path = quoted_path(.0)
     )]
     NoFrames(String),
@@ -31,7 +32,7 @@ pub enum AnimationError {
     },
     /// The file is not of a kind that holds frames.
     #[error(
-        "`{path}` holds no frames; name a folder of .obj files, a .frames.bin or its .frames.json",
+        "`{path}` holds no frames; name a folder of .obj files, a .frames.bin or its .frames.json, or a .npy",
         path = quoted_path(.0)
     )]
     NotFrames(PathBuf),
@@ -89,13 +90,21 @@ pub enum AnimationError {
         /// Bytes of the file.
         found: u64,
     },
+    /// An .npy file that holds no frames.
+    #[error("cannot read the frames in `{path}`: {error}", path = quoted_path(.file))]
+    Array {
+        /// The .npy file.
+        file: PathBuf,
+        /// What is wrong with it.
+        error: NpyError,
+    },
     /// The frames are not of this scene.
     #[error(
         "`{path}` has frames of {frame} vertices, but the scene `{name}` has {scene}",
         path = quoted_path(.file)
     )]
     VertexCount {
-        /// The .json file.
+        /// The .json or .npy file.
         file: PathBuf,
         /// Vertices of a frame.
         frame: u64,

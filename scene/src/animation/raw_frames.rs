@@ -1,7 +1,8 @@
-//! Frames as raw numbers in one file, described by another.
+//! Frames as numbers in one file: raw, described by another, or an array of NumPy.
 
 use super::{AnimationError, Change};
 use crate::from_file::{self, ReadError, quoted, quoted_reason};
+use crate::npy::{Header, NpyError};
 use crate::{Camera, CameraError, Scene, normals};
 use glam::DVec3;
 use serde::Deserialize;
@@ -11,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 /// Greatest description that is read, in bytes; cameras of a hundred thousand frames.
 const MOST: u64 = 64 << 20;
-/// Bytes of a vertex.
+/// Bytes of a vertex of raw frames.
 const VERTEX: u64 = 12;
 /// The angle that cameras without one see.
 const FOV_DEGREES: f64 = 40.0;
@@ -38,6 +39,10 @@ struct Pose {
 pub(super) struct RawFrames {
     path: PathBuf,
     file: File,
+    /// Where the first frame starts.
+    start: u64,
+    /// Bytes of a number: 4 or 8.
+    width: usize,
     frames: usize,
     vertices: usize,
     times: Option<Vec<f64>>,
@@ -51,6 +56,9 @@ impl RawFrames {
     /// its neighbours.
     pub(super) fn open(path: &Path, scene: &mut Scene) -> Result<RawFrames, AnimationError> {
         let is = |ending: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
+        if is("npy") {
+            return RawFrames::open_array(path, scene);
+        }
         if !is("bin") && !is("json") {
             // Nothing there is the better answer for a name of nothing.
             return Err(match path.try_exists() {
@@ -110,11 +118,51 @@ impl RawFrames {
         Ok(RawFrames {
             path: bin,
             file,
+            start: 0,
+            width: 4,
             // As many bytes are in a file, so both fit.
             frames: about.frames as usize,
             vertices: about.vertices as usize,
             times: about.times_s,
             cameras,
+            bytes: Vec::new(),
+            sums: Vec::new(),
+        })
+    }
+
+    /// Opens an array of shape (frames, vertices, 3).
+    fn open_array(path: &Path, scene: &mut Scene) -> Result<RawFrames, AnimationError> {
+        let refused = |error| AnimationError::Array { file: path.to_owned(), error };
+        let (mut file, length) =
+            from_file::open_regular(path).map_err(|error| AnimationError::unread(path, error))?;
+        let header = Header::read(&mut file)
+            .map_err(|error| AnimationError::unreadable(path, &error))?
+            .map_err(refused)?;
+        let wrong_shape = || refused(header.wrong_shape("(frames, vertices, 3)"));
+        let &[frames, vertices, 3] = &header.sides[..] else { return Err(wrong_shape()) };
+        if frames == 0 || vertices == 0 {
+            return Err(wrong_shape());
+        }
+        if vertices != scene.positions.len() as u64 {
+            return Err(AnimationError::VertexCount {
+                file: path.to_owned(),
+                frame: vertices,
+                name: quoted(&scene.name),
+                scene: scene.positions.len(),
+            });
+        }
+        header.check_length(length.saturating_sub(header.bytes)).map_err(refused)?;
+        normals::separate(scene);
+        Ok(RawFrames {
+            path: path.to_owned(),
+            file,
+            start: header.bytes,
+            width: header.width as usize,
+            // As many bytes are in a file.
+            frames: usize::try_from(frames).map_err(|_| refused(NpyError::Memory))?,
+            vertices: scene.positions.len(),
+            times: None,
+            cameras: None,
             bytes: Vec::new(),
             sums: Vec::new(),
         })
@@ -133,16 +181,19 @@ impl RawFrames {
         if expected != found {
             return Err(AnimationError::AnotherScene { expected, found });
         }
-        self.bytes.resize(self.vertices * VERTEX as usize, 0);
-        let start = frame as u64 * self.bytes.len() as u64;
+        self.bytes.resize(3 * self.vertices * self.width, 0);
+        let start = self.start + frame as u64 * self.bytes.len() as u64;
         self.file
             .seek(SeekFrom::Start(start))
             .and_then(|_| self.file.read_exact(&mut self.bytes))
             .map_err(|error| AnimationError::unreadable(&self.path, &error))?;
-        let (numbers, _) = self.bytes.as_chunks::<4>();
-        let to = scene.positions.as_flattened_mut();
-        for (to, from) in to.iter_mut().zip(numbers) {
-            *to = f32::from_le_bytes(*from);
+        let to = scene.positions.as_flattened_mut().iter_mut();
+        if self.width == 4 {
+            let (numbers, _) = self.bytes.as_chunks::<4>();
+            to.zip(numbers).for_each(|(to, from)| *to = f32::from_le_bytes(*from));
+        } else {
+            let (numbers, _) = self.bytes.as_chunks::<8>();
+            to.zip(numbers).for_each(|(to, from)| *to = f64::from_le_bytes(*from) as f32);
         }
         normals::smooth(scene, 0, &mut self.sums);
         Ok(Change::Positions)
