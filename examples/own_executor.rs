@@ -122,12 +122,14 @@ impl Executor<TreeBuilder> for Threads<'_> {
                         config, chunk, chunks, decisions, references, triangles,
                     );
                 });
-            }
-            Kernel::CountChildren => {
-                let mut parts = Parts::new(&mut b.chunk_counts);
-                let nodes = b.active_nodes[..active].iter().zip(&mut b.decisions);
-                let part = nodes.map(|(node, out)| (parts.take(k::chunks_of(node)), out));
-                each(part, |(counts, decision)| decision.counts = k::count_children(counts));
+                for chunk in 0..chunks {
+                    k::count_children(
+                        chunk,
+                        b.chunk_counts[chunk],
+                        &mut b.chunks,
+                        &mut b.decisions,
+                    );
+                }
             }
             Kernel::AllocateChildren => {
                 let mut lists = Lists {

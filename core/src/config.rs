@@ -8,6 +8,10 @@ pub const MAX_SMALL: u32 = 64;
 pub const MAX_DEPTH: u32 = 96;
 /// References of a chunk, the unit of work of the large-node stage.
 pub const CHUNK: u32 = 256;
+/// Chunks of a span: `scatter_references` finds what the chunks of a node before a given one give to each child from the counts of whole
+/// spans, then of chunks. A span has at most 2^15 references, so that two counts fit one word.
+pub const SPAN: u32 = 128;
+const _: () = assert!(SPAN * CHUNK <= u16::MAX as u32);
 /// Most nodes one small root may emit; part of the tree format.
 pub const SMALL_ROOT_NODES: u32 = 511;
 /// Most references one small root may emit; part of the tree format.

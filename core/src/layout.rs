@@ -90,8 +90,10 @@ pub struct Chunk {
     pub first: u32,
     /// Number of references, 1 to 256.
     pub count: u32,
-    /// Zero.
-    pub padding: u32,
+    /// Of the first chunk of a span, [`SPAN`](crate::config::SPAN) chunks of a node: how many references of the span go left,
+    /// in the low half, and right, in the high one, where the node is split. `classify_references` adds them up; zero in other
+    /// chunks, and until then.
+    pub span_sides: u32,
 }
 
 /// A number for each side of a plane.
@@ -134,7 +136,7 @@ impl ChunkSides {
 
 /// The decision on an active node: up to six cuts of empty space, then a split or a transfer.
 ///
-/// `split_median` or `split_binned` writes the planes, `count_children` the counts, `allocate_children` the rest.
+/// `split_median` or `split_binned` writes the planes, `classify_references` the counts, `allocate_children` the rest.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Decision {
@@ -148,7 +150,7 @@ pub struct Decision {
     pub axis: u32,
     /// Position of the split.
     pub position: f32,
-    /// References of each child; for a transfer, all on the left.
+    /// References of each child, none until they are counted; for a transfer, all on the left.
     pub counts: Sides,
     /// First reference of each child in the buffer its class goes to.
     pub first: Sides,

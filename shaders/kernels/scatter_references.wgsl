@@ -1,6 +1,6 @@
 // Moves references to the children, clipped, and bounds them by chunk.
 // One workgroup a chunk, one invocation a reference; then one invocation each of those that the plane cuts.
-// Reads: decisions, sides, scanned counts, references, corners of those that a plane cuts where
+// Reads: decisions, sides, counts, references, corners of those that a plane cuts where
 // they are clipped.
 // Writes: the references of the children, clipped to their side, in order; bounds by chunk and child.
 
@@ -28,6 +28,12 @@ var<workgroup> lane_bounds: array<vec4<f32>, 768>;
 var<workgroup> part_bounds: array<vec4<f32>, 96>;
 var<workgroup> few_bounds: array<vec4<f32>, 24>;
 
+// What the chunks before this one give to both sides. First the counts of those in its span, left in the low half and right in the
+// high one, and the sums of whole spans by lane; then sums of 16 of each.
+var<workgroup> span_lefts: array<u32, SPAN>;
+var<workgroup> span_rights: array<u32, SPAN>;
+var<workgroup> few_before: array<vec2<u32>, 16>;
+
 // Whether a lane's reference goes to a side (0 left, 1 right).
 fn goes(side: u32, lane: u32) -> bool {
     return ((side_words[8u * side + lane / 32u] >> (lane % 32u)) & 1u) == 1u;
@@ -49,8 +55,11 @@ fn store(count: u32, place: u32, bounds: Aabb, triangle: u32) {
     }
 }
 
-// Which references go where. Every lane must call it.
-fn load_sides(chunk: u32, lane: u32) {
+// Which references go where, and what the chunks before this one give to both sides: `place` is how many of its node these are.
+// Every lane must call it.
+fn load_sides(chunk: u32, place: u32, lane: u32) {
+    let spans = place / SPAN;
+    let first = chunk - place;
     workgroupBarrier();
     if lane < 16u {
         side_words[lane] = chunk_state[sides_of(chunk) + lane];
@@ -58,7 +67,38 @@ fn load_sides(chunk: u32, lane: u32) {
     if lane == 0u {
         atomicStore(&cut_count, 0u);
     }
+    if lane < SPAN {
+        var counts = vec2<u32>(0u);
+        if lane < place % SPAN {
+            counts = load_counts(first + spans * SPAN + lane);
+        }
+        cut_lanes[lane] = counts.x | (counts.y << 16u);
+    } else {
+        var sums = vec2<u32>(0u);
+        for (var span = lane - SPAN; span < spans; span += SPAN) {
+            let sides = chunks[first + span * SPAN].span_sides;
+            sums += vec2<u32>(sides & 0xffffu, sides >> 16u);
+        }
+        span_lefts[lane - SPAN] = sums.x;
+        span_rights[lane - SPAN] = sums.y;
+    }
     workgroupBarrier();
+    if lane >= 32u && lane < 48u {
+        let begin = 16u * (lane % 8u);
+        var sums = vec2<u32>(0u);
+        if lane < 40u {
+            var packed = 0u;
+            for (var i = 0u; i < 16u; i++) {
+                packed += cut_lanes[begin + i];
+            }
+            sums = vec2<u32>(packed & 0xffffu, packed >> 16u);
+        } else {
+            for (var i = 0u; i < 16u; i++) {
+                sums += vec2<u32>(span_lefts[begin + i], span_rights[begin + i]);
+            }
+        }
+        few_before[lane - 32u] = sums;
+    }
     if lane < 16u {
         var count = 0u;
         for (var word = lane & 8u; word < lane; word++) {
@@ -131,10 +171,17 @@ fn main(
         if !is_seen(chunk, decision) {
             continue;
         }
-        load_sides(index, lane);
+        let place_of_chunk = select(0u, (chunk.first - decision.source_first) / CHUNK, decision.axis != TRANSFER);
+        load_sides(index, place_of_chunk, lane);
         var left_bounds = empty_aabb();
         var right_bounds = left_bounds;
-        let places = decision.first + load_counts(index);
+        var places = decision.first;
+        for (var i = 0u; i < (place_of_chunk % SPAN + 15u) / 16u; i++) {
+            places += few_before[i];
+        }
+        for (var i = 0u; i < min((place_of_chunk / SPAN + 15u) / 16u, 8u); i++) {
+            places += few_before[8u + i];
+        }
         if lane < chunk.count {
             let reference = active_reference(chunk.first + lane);
             let bounds = Aabb(reference.lo, reference.hi);

@@ -150,7 +150,7 @@ fn main(
             if atomicLoad(&unfinished) == 1u {
                 decided.cut_sides |= UNDECIDED;
             }
-            decisions[index] = decided;
+            decisions[index] = finished_decision();
         }
     }
 }

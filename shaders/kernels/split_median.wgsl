@@ -142,7 +142,7 @@ fn main(
             sweep(node, lane);
         }
         if lane == 0u {
-            decisions[index] = decided;
+            decisions[index] = finished_decision();
         }
     }
 }

@@ -63,3 +63,11 @@ fn decide_on(plane: SplitPlane) {
     decided.axis = select(TRANSFER, plane.axis, plane.found);
     decided.position = select(0.0, plane.position, plane.found);
 }
+
+// The decision as it is written: what a split gives to the children is counted later.
+fn finished_decision() -> Decision {
+    if decided.axis != TRANSFER {
+        decided.counts = vec2<u32>(0u);
+    }
+    return decided;
+}

@@ -2,6 +2,8 @@
 // Needs the bindings `parameters` and `counters`.
 
 const CHUNK: u32 = 256u;
+// Chunks of a node that are counted together.
+const SPAN: u32 = 128u;
 
 const COUNTER_TRIANGLES: u32 = 0u;
 const COUNTER_INPUT_CHUNKS: u32 = 1u;

@@ -26,7 +26,7 @@ struct Chunk {
     node: u32,
     first: u32,
     count: u32,
-    padding: u32,
+    span_sides: u32,
 }
 
 struct Decision {

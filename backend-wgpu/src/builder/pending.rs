@@ -54,6 +54,8 @@ pub struct PendingBuild {
     tree_to_host: bool,
     /// The copy of a mesh that is on the device; goes with the first submission.
     mesh_copy: Option<wgpu::CommandBuffer>,
+    /// Levels recorded beyond those of the last such build.
+    spare_levels: u32,
     swapped: bool,
     mapped: Arc<AtomicU8>,
     profile: Option<Profile<TreeBuilder>>,
@@ -90,13 +92,15 @@ impl PendingBuild {
         let estimate = Capacities { input_bytes, ..estimate };
         let mut capacities = estimate;
         let mut levels = options.config.max_depth + 1;
+        let mut spare_levels = 0;
         let buffers = match pooled {
             Some(pooled) => {
                 // The capacities that an earlier build needed are there already.
                 capacities = capacities.union(pooled.capacities);
                 capacities.triangles = triangles;
                 if (pooled.triangles, pooled.config) == (triangles, options.config) {
-                    levels = levels.min(pooled.levels + LEVELS_TO_SPARE);
+                    spare_levels = pooled.spare_levels;
+                    levels = levels.min(pooled.levels + spare_levels);
                     capacities.by_halves = pooled.capacities.by_halves;
                     // Where the middle stage could not finish such a build, the next one does without.
                     capacities.middle &= pooled.capacities.middle;
@@ -114,6 +118,7 @@ impl PendingBuild {
             first_index: source.first_index(),
             tree_to_host,
             mesh_copy: None,
+            spare_levels,
             swapped: false,
             mapped: Arc::new(AtomicU8::new(WAITING)),
             effort: Effort::default(),
@@ -321,7 +326,9 @@ impl PendingBuild {
             let BuildOptions { config, .. } = self.options;
             let (capacities, levels) = (self.capacities, config.max_depth);
             let triangles = self.capacities.triangles;
-            self.shared.keep_buffers(Pooled { buffers, capacities, triangles, config, levels });
+            let spare_levels = self.spare_levels;
+            let pooled = Pooled { buffers, capacities, triangles, config, levels, spare_levels };
+            self.shared.keep_buffers(pooled);
         }
     }
 
@@ -339,7 +346,3 @@ fn guarded<T>(gpu: &Gpu, work: impl FnOnce() -> Result<T, BuildError>) -> Result
 
 /// Interval between two calls of the watch.
 const POLL_INTERVAL: Duration = Duration::from_micros(500);
-
-/// Levels recorded beyond those of the last such build of as many triangles: moving scenes change theirs
-/// little from frame to frame, and what is missing is submitted.
-const LEVELS_TO_SPARE: u32 = 1;

@@ -73,4 +73,6 @@ pub(crate) struct Pooled {
     pub triangles: u32,
     pub config: BuildConfig,
     pub levels: u32,
+    /// Levels that a further build records beyond these.
+    pub spare_levels: u32,
 }

@@ -2,9 +2,10 @@
 //!
 //! The live elements of every list that a kernel reads or writes, once each. Of lists that are appended to, what is
 //! new. Left out is what is reached by index and only for some elements: corners by kernels that do not go through the
-//! triangles, references by kernels that do not go through chunks.
+//! triangles, references by kernels that do not go through chunks. Of lists whose length no counter tells, such as the pool of the
+//! middle stage, shaders count what they read and write (`count/rewrite.rs`), each time that they do.
 
-use splitplane::core::kernel::{Access, Buffer, Counter, Grid, Kernel};
+use splitplane::core::kernel::{Access, Buffer, Counter, Grid, Kernel, KernelSet, TreeBuilder};
 use splitplane::core::layout::Counters;
 
 /// Bytes read and written.
@@ -86,6 +87,14 @@ impl Ledger {
         }
         moved
     }
+}
+
+/// Whether shaders count what they read and write of the list of this name.
+pub(crate) fn is_counted_by_shaders(name: &str) -> bool {
+    TreeBuilder::BUFFERS.iter().any(|row| {
+        let other = matches!(row.buffer, Buffer::Input | Buffer::Counters);
+        row.name == name && row.live.is_none() && !other
+    })
 }
 
 /// Whether a kernel reads only some elements of a list, by index.

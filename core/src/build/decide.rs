@@ -55,13 +55,14 @@ pub fn cut_empty_space<A: Arithmetic>(
 }
 
 impl Decision {
-    /// The decision with a split at this plane; unchanged where there is none.
+    /// The decision with a split at this plane, whose children are still to be counted; unchanged where there is none.
     #[inline(always)]
     #[must_use]
     pub fn split_at(mut self, plane: Option<SplitPlane>) -> Decision {
         if let Some(SplitPlane { axis, position }) = plane {
             self.axis = axis as u32;
             self.position = position;
+            self.counts = Sides::default();
         }
         self
     }

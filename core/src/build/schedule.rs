@@ -100,9 +100,8 @@ fn process_large_nodes<E: Executor<TreeBuilder>>(
             executor.dispatch(Kernel::SplitBinned)?;
         }
     }
-    // Sort references into children, counting first: order comes from scans, never from atomics.
+    // Sort references into children, counting first: order comes from counts, never from atomics.
     executor.dispatch(Kernel::ClassifyReferences)?;
-    executor.dispatch(Kernel::CountChildren)?;
     executor.dispatch(Kernel::AllocateChildren)?;
     executor.dispatch(Kernel::ScatterReferences)?;
     // The next list becomes the active one.

@@ -40,7 +40,7 @@ kernel_set! {
         NodeBounds "node_bounds", 24, live ActiveNodes;
         /// [`Chunk`].
         Chunks "chunks", size_of::<Chunk>(), live Chunks;
-        /// [`Sides`]: counts, then offsets within the node.
+        /// [`Sides`]: counts.
         ChunkCounts "chunk_counts", size_of::<Sides>(), live Chunks, in ChunkState;
         /// [`ChunkBounds`].
         ChunkBounds "chunk_bounds", size_of::<ChunkBounds>(), live Chunks, in ChunkState;
@@ -115,13 +115,10 @@ kernel_set! {
         /// Cuts empty space and splits every active node by binned SAH.
         SplitBinned "split_binned", Each(ActiveNodes) =>
             reads ActiveNodes, reads NodeBounds, reads ChunkBins, writes Decisions;
-        /// Finds the sides each reference goes to and counts them by chunk.
+        /// Finds the sides each reference goes to and counts them by chunk, by 128 chunks of a node and by node.
         ClassifyReferences "classify_references", Each(Chunks) =>
-            reads Chunks, reads Decisions, reads References, reads Triangles,
+            updates Chunks, updates Decisions, reads References, reads Triangles,
             writes ReferenceSides, writes ChunkCounts;
-        /// Scans the counts of each node's chunks.
-        CountChildren "count_children", Each(ActiveNodes) =>
-            reads ActiveNodes, updates ChunkCounts, scatters Decisions;
         /// Gives children their places: next list, small list, top tree.
         AllocateChildren "allocate_children", One =>
             updates Counters,

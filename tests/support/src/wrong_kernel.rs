@@ -92,11 +92,14 @@ pub const FAULTS: &[(Kernel, &str, Fault)] = &[
     (Kernel::ClassifyReferences, "sends a reference to another side", |b| {
         last(&mut b.reference_sides, b.counters, Counter::Chunks).right[0] ^= 1;
     }),
-    (Kernel::CountChildren, "counts a reference too many", |b| {
+    (Kernel::ClassifyReferences, "counts a reference too many", |b| {
         last(&mut b.decisions, b.counters, Counter::ActiveNodes).counts.right += 1;
     }),
-    (Kernel::CountChildren, "scans inclusively", |b| {
+    (Kernel::ClassifyReferences, "counts a reference of a chunk twice", |b| {
         last(&mut b.chunk_counts, b.counters, Counter::Chunks).left += 1;
+    }),
+    (Kernel::ClassifyReferences, "counts a reference of a span twice", |b| {
+        b.chunks[0].span_sides += 1 << 16;
     }),
     (Kernel::AllocateChildren, "places a child beside its place", |b| {
         last(&mut b.decisions, b.counters, Counter::ActiveNodes).first.right += 1;

@@ -24,6 +24,8 @@ pub struct Buffers {
     pub(crate) node_bounds: Vec<Aabb>,
     pub(crate) chunks: Vec<Chunk>,
     pub(crate) chunk_counts: Vec<Sides>,
+    /// Scratch memory of `scatter_references`.
+    pub(crate) chunk_offsets: Vec<Sides>,
     pub(crate) chunk_bounds: Vec<ChunkBounds>,
     pub(crate) reference_sides: Vec<ChunkSides>,
     pub(crate) chunk_bins: Vec<ChunkBins>,
@@ -65,6 +67,7 @@ impl Buffers {
             + of(&self.node_bounds)
             + of(&self.chunks)
             + of(&self.chunk_counts)
+            + of(&self.chunk_offsets)
             + of(&self.chunk_bounds)
             + of(&self.reference_sides)
             + of(&self.chunk_bins)

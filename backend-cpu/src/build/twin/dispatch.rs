@@ -157,19 +157,12 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 k::classify_references::run::<A>(
                     meter,
                     self.config.clip,
-                    &b.chunks[..chunks],
-                    &b.decisions[..active],
+                    &mut b.chunks[..chunks],
+                    &mut b.decisions[..active],
                     &b.references[..references],
                     &b.triangles[..triangles],
                     &mut b.reference_sides[..chunks],
                     &mut b.chunk_counts[..chunks],
-                );
-            }
-            Kernel::CountChildren => {
-                k::count_children::run(
-                    &b.active_nodes[..active],
-                    &mut b.chunk_counts[..chunks],
-                    &mut b.decisions[..active],
                 );
             }
             Kernel::AllocateChildren => {
@@ -210,6 +203,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                     m.grow_watched(&mut b.small_references, small + small / 4, meter)?;
                 }
                 m.grow_watched(&mut b.chunk_bounds, chunks, meter)?;
+                m.grow_watched(&mut b.chunk_offsets, chunks, meter)?;
                 let inputs = Inputs {
                     small_node_limit: levels.small_node_limit(),
                     clip: self.config.clip,
@@ -226,6 +220,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                     &mut b.next_references[..next],
                     &mut b.small_references[..small],
                     &mut b.chunk_bounds[..chunks],
+                    &mut b.chunk_offsets[..chunks],
                 );
             }
             Kernel::BuildMiddle => {

@@ -68,6 +68,7 @@ impl PendingBuild {
         }
         if counters[Counter::ActiveNodes] > 0 {
             readback.unmap();
+            self.spare_levels = LEVELS_TO_SPARE;
             self.record(config.max_depth + 1, false)?;
             return Ok(None);
         }
@@ -128,9 +129,14 @@ impl PendingBuild {
             triangles,
             config,
             levels: counters[Counter::Levels],
+            spare_levels: self.spare_levels,
         });
         let tree = DeviceTree::with_limits(&self.shared.queries, parts, &limits, scene)?;
         let effort = self.effort;
         Ok(Some(DeviceBuild { tree, summary, effort, times, host_tree }))
     }
 }
+
+/// Levels recorded beyond those of the last such build of as many triangles once these turned out to be too few: the scene moves,
+/// and moving scenes change their levels little from frame to frame.
+const LEVELS_TO_SPARE: u32 = 1;

@@ -102,7 +102,8 @@ impl Executor<TreeBuilder> for Counting<'_, '_> {
         let counters = self.inner.counters()?;
         let mut tally = Tally::of_words(&self.counter.read()?);
         let moved = self.ledger.dispatch(kernel, &counters);
-        (tally.read, tally.written) = (moved.read, moved.written);
+        tally.read += moved.read;
+        tally.written += moved.written;
         self.dispatches[TreeBuilder::kernel_index(kernel)].push(tally);
         Ok(())
     }

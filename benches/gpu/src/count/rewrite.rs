@@ -7,13 +7,14 @@
 
 use naga::front::wgsl;
 use naga::ir::{
-    AddressSpace, BinaryOperator, Block, Expression, Function, Literal, Module, ScalarKind,
-    Statement, SwitchCase, TypeInner,
+    AddressSpace, BinaryOperator, Block, Expression, Function, GlobalVariable, Literal, Module,
+    ScalarKind, Statement, SwitchCase, TypeInner,
 };
 use naga::valid::{Capabilities, FunctionInfo, ModuleInfo, ValidationFlags, Validator};
 use naga::{Handle, Range, Span};
 
 use super::tally::{LANES_IN_STEP, WORDS};
+use crate::moved as ledger;
 
 /// What stands before the text of a shader.
 const COUNTING: &str = "
@@ -21,7 +22,11 @@ var<private> counted_rounds: u32;
 var<private> counted_operations: u32;
 var<private> counted_loads: u32;
 var<private> counted_barriers: u32;
-fn counted_now(operations: u32, loads: u32, rounds: u32, barriers: u32) {
+var<private> counted_read: u32;
+var<private> counted_written: u32;
+fn counted_now(operations: u32, loads: u32, rounds: u32, barriers: u32, read: u32, written: u32) {
+    counted_read += read;
+    counted_written += written;
     counted_operations += operations;
     counted_loads += loads;
     counted_rounds += rounds;
@@ -38,6 +43,7 @@ const MAIN: &str = "counted_main";
 /// What stands behind it: sums over a workgroup, and over all, 64 bits each.
 const SUMS: &str = "
 var<workgroup> counted_lanes: array<vec4<u32>, LANES>;
+var<workgroup> counted_moved: array<vec2<u32>, LANES>;
 @group(0) @binding(BINDING) var<storage, read_write> counted_words: array<atomic<u32>, WORDS>;
 fn counted_add(word: u32, part: vec2<u32>) {
     let before = atomicAdd(&counted_words[word], part.x);
@@ -53,6 +59,8 @@ fn counted_sum() {
     var operations: vec2<u32>;
     var loads: vec2<u32>;
     var in_step: vec2<u32>;
+    var read: vec2<u32>;
+    var written: vec2<u32>;
     var longest: vec4<u32>;
     var slowest = 0u;
     for (var lane = 0u; lane < LANESu; lane++) {
@@ -60,6 +68,8 @@ fn counted_sum() {
         rounds = counted_plus(rounds, one.x);
         operations = counted_plus(operations, one.y);
         loads = counted_plus(loads, one.z);
+        read = counted_plus(read, counted_moved[lane].x);
+        written = counted_plus(written, counted_moved[lane].y);
         longest = max(longest, one);
         slowest = max(slowest, one.y);
         if lane % STEPu == STEPu - 1u || lane == LANESu - 1u {
@@ -73,6 +83,8 @@ fn counted_sum() {
     counted_add(6u, loads);
     counted_add(8u, in_step);
     counted_add(10u, vec2<u32>(longest.w, 0u));
+    counted_add(22u, read);
+    counted_add(24u, written);
     atomicMax(&counted_words[12], longest.x);
     atomicMax(&counted_words[13], longest.y);
     atomicMax(&counted_words[14], longest.z);
@@ -216,6 +228,7 @@ fn wrapped(source: &str, binding: u32) -> Result<String, String> {
 fn main({}) {{
     {MAIN}({});
     counted_lanes[{lane}] = vec4<u32>(counted_rounds, counted_operations, counted_loads, counted_barriers);
+    counted_moved[{lane}] = vec2<u32>(counted_read, counted_written);
     workgroupBarrier();
     if {lane} == 0u {{ counted_sum(); }}
 }}
@@ -251,6 +264,9 @@ struct Cost {
     loads: u32,
     rounds: u32,
     barriers: u32,
+    /// Words of lists whose length nothing but the shader knows.
+    read: u32,
+    written: u32,
 }
 
 impl Cost {
@@ -260,11 +276,9 @@ impl Cost {
             loads: self.loads + other.loads,
             rounds: self.rounds + other.rounds,
             barriers: self.barriers + other.barriers,
+            read: self.read + other.read,
+            written: self.written + other.written,
         }
-    }
-
-    fn is_none(self) -> bool {
-        self.operations + self.loads + self.rounds + self.barriers == 0
     }
 }
 
@@ -281,11 +295,16 @@ impl Costs<'_> {
         match statement {
             Statement::Emit(range) => self.of_range(function, range),
             Statement::If { .. } | Statement::Switch { .. } | Statement::Loop { .. } => one,
-            Statement::Store { pointer, .. } => match self.space(function, *pointer) {
-                Some(AddressSpace::Storage { .. } | AddressSpace::WorkGroup) => one,
+            Statement::Store { pointer, value } => match self.space(function, *pointer) {
+                Some(AddressSpace::Storage { .. } | AddressSpace::WorkGroup) => {
+                    Cost { written: self.uncounted(function, *pointer, *value), ..one }
+                }
                 _ => Cost::default(),
             },
-            Statement::Atomic { .. } => Cost { loads: 1, ..one },
+            Statement::Atomic { pointer, value, .. } => {
+                let moved = self.uncounted(function, *pointer, *value);
+                Cost { loads: 1, read: moved, written: moved, ..one }
+            }
             Statement::ControlBarrier(_) | Statement::MemoryBarrier(_) => {
                 Cost { barriers: 1, ..one }
             }
@@ -309,7 +328,8 @@ impl Costs<'_> {
             Expression::Load { pointer } => match self.space(function, *pointer) {
                 // Four words at a time.
                 Some(AddressSpace::Storage { .. }) => {
-                    Cost { loads: 1, ..operations(self.words(handle).div_ceil(4)) }
+                    let read = self.uncounted(function, *pointer, handle);
+                    Cost { loads: 1, read, ..operations(self.words(handle).div_ceil(4)) }
                 }
                 Some(AddressSpace::WorkGroup) => operations(self.words(handle).div_ceil(4)),
                 _ => Cost::default(),
@@ -357,15 +377,36 @@ impl Costs<'_> {
         }
     }
 
+    /// Words of a value that is read from a pointer or written to it, if it points into a list whose length no counter tells.
+    fn uncounted(
+        &self,
+        function: &Function,
+        pointer: Handle<Expression>,
+        value: Handle<Expression>,
+    ) -> u32 {
+        let name = self.variable(function, pointer).and_then(|variable| variable.name.as_deref());
+        let is_counted = !name.is_some_and(|name| ledger::is_counted_by_shaders(name));
+        if is_counted { 0 } else { self.words(value) }
+    }
+
     /// Where a pointer points.
-    fn space(&self, function: &Function, mut pointer: Handle<Expression>) -> Option<AddressSpace> {
+    fn space(&self, function: &Function, pointer: Handle<Expression>) -> Option<AddressSpace> {
+        self.variable(function, pointer).map(|variable| variable.space)
+    }
+
+    /// The variable that a pointer points into, if it is a global one.
+    fn variable(
+        &self,
+        function: &Function,
+        mut pointer: Handle<Expression>,
+    ) -> Option<&GlobalVariable> {
         loop {
             match function.expressions[pointer] {
                 Expression::Access { base, .. } | Expression::AccessIndex { base, .. } => {
                     pointer = base;
                 }
                 Expression::GlobalVariable(variable) => {
-                    return Some(self.module.global_variables[variable].space);
+                    return Some(&self.module.global_variables[variable]);
                 }
                 _ => return None,
             }
@@ -431,11 +472,11 @@ impl Counted<'_, '_> {
     }
 
     fn flush(&mut self, out: &mut Block, cost: &mut Cost) {
-        let Cost { operations, loads, rounds, barriers } = std::mem::take(cost);
-        if (Cost { operations, loads, rounds, barriers }).is_none() {
+        let Cost { operations, loads, rounds, barriers, read, written } = std::mem::take(cost);
+        if operations + loads + rounds + barriers + read + written == 0 {
             return;
         }
-        let arguments = [operations, loads, rounds, barriers].map(|number| {
+        let arguments = [operations, loads, rounds, barriers, read, written].map(|number| {
             let literal = Expression::Literal(Literal::U32(number));
             self.function.expressions.append(literal, Span::UNDEFINED)
         });
@@ -467,7 +508,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>) {
         assert!(counted.contains("fn counted_main(group"), "{counted}");
         assert!(counted.contains("@binding(1)"), "{counted}");
         // At the start of the loop's body: the load, the comparison and its branch, and the round.
-        assert!(counted.contains("counted_now(3u, 1u, 1u, 0u);"), "{counted}");
+        assert!(counted.contains("counted_now(3u, 1u, 1u, 0u, 0u, 0u);"), "{counted}");
         assert!(parsed(&counted).is_ok());
     }
 
@@ -477,6 +518,28 @@ fn main(@builtin(workgroup_id) group: vec3<u32>) {
         assert_eq!(written(SHADER), Ok(12));
         let other = SHADER.replace("x * 2u", "x * 2u + 1u");
         assert_eq!(written(&other), Ok(13));
+    }
+
+    /// Words of lists whose length no counter tells: a record of eight is read, an atomic sum reads and writes one.
+    #[test]
+    fn words_of_lists_that_no_counter_tells() {
+        let shader = "
+struct Reference { lo: vec3<f32>, triangle: u32, hi: vec3<f32>, padding: u32 }
+@group(0) @binding(0) var<storage, read_write> middle_references: array<Reference>;
+@group(0) @binding(1) var<storage, read_write> middle_nodes: array<atomic<u32>>;
+@group(0) @binding(2) var<storage, read_write> references: array<Reference>;
+@compute @workgroup_size(64)
+fn main(@builtin(local_invocation_index) lane: u32) {
+    references[lane] = middle_references[lane];
+    atomicAdd(&middle_nodes[0], 1u);
+    middle_references[lane].hi = vec3<f32>();
+}
+";
+        let counted = counting(shader, 3).unwrap();
+        // The store of the record is the load's; three words of the pool are written, and one by the sum.
+        assert!(counted.contains(", 9u, 4u);"), "{counted}");
+        let other = shader.replace("middle_references", "next_references");
+        assert!(counting(&other, 3).unwrap().contains(", 1u, 1u);"));
     }
 
     #[test]

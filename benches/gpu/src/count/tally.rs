@@ -5,7 +5,7 @@ use std::ops::AddAssign;
 use serde::Serialize;
 
 /// Words of the buffer that invocations count in.
-pub(crate) const WORDS: usize = 22;
+pub(crate) const WORDS: usize = 26;
 
 /// Invocations that hardware runs in step: as long as the longest of them.
 pub(crate) const LANES_IN_STEP: u32 = 32;
@@ -35,7 +35,7 @@ pub(crate) struct Tally {
     pub longest_operations: u64,
     pub longest_loads: u64,
     pub longest_barriers: u64,
-    /// Bytes of lists, by the table of kernels.
+    /// Bytes of lists: by the table of kernels, and by the shaders where no counter tells how long a list is.
     pub read: u64,
     pub written: u64,
 }
@@ -61,8 +61,8 @@ impl Tally {
             longest_operations: word(13),
             longest_loads: word(14),
             longest_barriers: word(15),
-            read: 0,
-            written: 0,
+            read: 4 * long(22),
+            written: 4 * long(24),
         }
     }
 

@@ -262,7 +262,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for ReferenceExecutor<'_, A> {
             }
             Kernel::ClassifyReferences => {
                 for chunk in 0..chunks {
-                    (b.reference_sides[chunk], b.chunk_counts[chunk]) = k::classify_references::<A>(
+                    let (sides, counts) = k::classify_references::<A>(
                         config,
                         chunk,
                         &b.chunks,
@@ -270,13 +270,9 @@ impl<A: Arithmetic> Executor<TreeBuilder> for ReferenceExecutor<'_, A> {
                         &b.references,
                         &b.triangles,
                     );
+                    k::count_children(chunk, counts, &mut b.chunks, &mut b.decisions);
+                    (b.reference_sides[chunk], b.chunk_counts[chunk]) = (sides, counts);
                     budget.worked(u64::from(b.chunks[chunk].count))?;
-                }
-            }
-            Kernel::CountChildren => {
-                for node in 0..active {
-                    let chunks = k::chunks_of(&b.active_nodes[node]);
-                    b.decisions[node].counts = k::count_children(&mut b.chunk_counts[chunks]);
                 }
             }
             Kernel::AllocateChildren => {

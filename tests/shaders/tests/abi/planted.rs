@@ -24,7 +24,7 @@ struct LargeNode {
     node: u32, depth: u32, source: u32, source_chunks: u32,
     side: u32, inseparable: u32, first_chunk: u32, padding: u32,
 }
-struct Chunk { node: u32, first: u32, count: u32, padding: u32 }
+struct Chunk { node: u32, first: u32, count: u32, span_sides: u32 }
 @group(0) @binding(0) var<uniform> parameters: Parameters;
 @group(0) @binding(1) var<storage, read> counters: array<u32, 32>;
 @group(0) @binding(2) var<storage, read> active_nodes: array<LargeNode>;
@@ -88,13 +88,21 @@ fn every_fault_is_found() {
         ("fn main()", "fn start()", "entry point start"),
         ("@compute @workgroup_size(LANES)", "", "0 entry points"),
         // Records.
-        ("first: u32, count: u32, padding: u32", "count: u32, first: u32, padding: u32", "`first`"),
+        (
+            "first: u32, count: u32, span_sides: u32",
+            "count: u32, first: u32, span_sides: u32",
+            "`first`",
+        ),
         ("{ node: u32, first: u32", "{ first: u32, node: u32", "Chunk: member `node` differs"),
         ("hi: vec3<f32>", "upper: vec3<f32>", "LargeNode: member `hi` differs"),
         ("hi: vec3<f32>", "hi: vec3<u32>", "LargeNode: member `hi` differs"),
-        ("count: u32, padding", "count: i32, padding", "Chunk: member `count` differs"),
-        ("padding: u32 }", "padding: u32, more: u32 }", "Chunk: 20 bytes instead of 16"),
-        ("padding: u32 }", "padding: u32, more: u32 }", "Chunk: a member that the record lacks"),
+        ("count: u32, span_sides", "count: i32, span_sides", "Chunk: member `count` differs"),
+        ("span_sides: u32 }", "span_sides: u32, more: u32 }", "Chunk: 20 bytes instead of 16"),
+        (
+            "span_sides: u32 }",
+            "span_sides: u32, more: u32 }",
+            "Chunk: a member that the record lacks",
+        ),
         ("tree_node_room: u32, ", "", "Parameters: member `tree_node_room` differs"),
         (
             "reference_half: u32, small_reference_half: u32,",

@@ -134,7 +134,7 @@ pub(crate) fn of_core() -> Vec<Record> {
         record!(LargeNode {
             lo first hi count node depth source source_chunks side inseparable first_chunk padding
         }),
-        record!(Chunk { node first count padding }),
+        record!(Chunk { node first count span_sides }),
         record!(Sides { left right }),
         record!(ChunkSides { left right }),
         record!(ChunkBins { words }),

@@ -1,10 +1,11 @@
 //! `classify_references`: one workgroup a chunk, one invocation a reference.
 //!
 //! Reads: decisions, references, corners of those that a plane cuts. Writes: the sides each reference
-//! goes to, and how many of the chunk's go to each.
+//! goes to, and how many of the chunk's, of its span's and of its node's go to each.
 
 use rayon::prelude::*;
 use splitplane_core::arithmetic::Arithmetic;
+use splitplane_core::build::reference::kernels::count_children;
 use splitplane_core::build::split::{goes_left, goes_right};
 use splitplane_core::layout::{Chunk, ChunkSides, Decision, Reference, Sides};
 use splitplane_core::triangle::{Triangle, clip, corners_on_both_sides};
@@ -17,19 +18,20 @@ use crate::cancel::ProgressMeter;
 pub(crate) fn run<A: Arithmetic>(
     meter: &ProgressMeter<'_>,
     clipped: bool,
-    chunks: &[Chunk],
-    decisions: &[Decision],
+    chunks: &mut [Chunk],
+    decisions: &mut [Decision],
     references: &[Reference],
     triangles: &[Triangle],
     reference_sides: &mut [ChunkSides],
     chunk_counts: &mut [Sides],
 ) {
-    chunks.par_iter().zip(reference_sides).zip(chunk_counts).with_min_len(GRAIN).for_each(
+    let (named, decided) = (&*chunks, &*decisions);
+    named.par_iter().zip(reference_sides).zip(&mut *chunk_counts).with_min_len(GRAIN).for_each(
         |((chunk, sides), counts)| {
             if meter.record_work(u64::from(chunk.count)) {
                 return;
             }
-            let decision = &decisions[chunk.node as usize];
+            let decision = &decided[chunk.node as usize];
             let (first, count) = (chunk.first as usize, chunk.count as usize);
             if decision.axis == Decision::TRANSFER {
                 *sides = ChunkSides::all_left(chunk.count);
@@ -40,6 +42,10 @@ pub(crate) fn run<A: Arithmetic>(
             *counts = sides.counts();
         },
     );
+    // Serial: it adds a few numbers for 256 references.
+    for (chunk, counts) in chunk_counts.iter().enumerate() {
+        count_children(chunk, *counts, chunks, decisions);
+    }
 }
 
 /// The sides of the references of one chunk of a node that is split; by their bounds alone where

@@ -9,7 +9,6 @@ pub(crate) mod bin_references;
 pub(crate) mod build_middle;
 pub(crate) mod build_small;
 pub(crate) mod classify_references;
-pub(crate) mod count_children;
 pub(crate) mod emit_middle;
 pub(crate) mod emit_small;
 pub(crate) mod emit_top;

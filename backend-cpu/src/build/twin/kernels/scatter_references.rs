@@ -1,6 +1,6 @@
 //! `scatter_references`: one workgroup a chunk, one invocation a reference.
 //!
-//! Reads: decisions, sides, scanned counts, references, corners of those that a plane cuts. Writes:
+//! Reads: decisions, sides, counts, references, corners of those that a plane cuts. Writes:
 //! the references of the children, clipped to their side, in order; bounds by chunk and child.
 
 use rayon::prelude::*;
@@ -28,27 +28,29 @@ pub(crate) struct Inputs<'a> {
     pub references: &'a [Reference],
     /// Sides of the references of each chunk.
     pub reference_sides: &'a [ChunkSides],
-    /// Offsets of each chunk within its node's children.
+    /// What each chunk gives to its node's children.
     pub chunk_counts: &'a [Sides],
     /// Corners by triangle index.
     pub triangles: &'a [Triangle],
 }
 
-/// Runs the kernel.
+/// Runs the kernel. `offsets` is scratch memory, one for each chunk.
 pub(crate) fn run<A: Arithmetic>(
     meter: &ProgressMeter<'_>,
     inputs: &Inputs<'_>,
     next_references: &mut [Reference],
     small_references: &mut [Reference],
     chunk_bounds: &mut [ChunkBounds],
+    offsets: &mut [Sides],
 ) {
+    scan(inputs, offsets);
     let next = Scatter::new(next_references);
     let small = Scatter::new(small_references);
     inputs
         .chunks
         .par_iter()
         .zip(inputs.reference_sides)
-        .zip(inputs.chunk_counts)
+        .zip(&*offsets)
         .zip(chunk_bounds)
         .with_min_len(GRAIN)
         .for_each(|(((chunk, sides), offsets), bounds)| {
@@ -71,7 +73,7 @@ pub(crate) fn run<A: Arithmetic>(
             let place = |total: u32, first: u32, offset: u32, count: usize| {
                 let destination = if total > inputs.small_node_limit { &next } else { &small };
                 // SAFETY: `allocate_children` gives each child a range of its own in the buffer of
-                // its class, and the scan in `count_children` each chunk a part of that range.
+                // its class, and the scan each chunk a part of that range.
                 unsafe { destination.part((first + offset) as usize, count) }
             };
             let (Sides { left, right }, to) = (decision.counts, decision.first);
@@ -114,6 +116,20 @@ pub(crate) fn run<A: Arithmetic>(
             let found = [bounds_of(&found[0]), bounds_of(&found[1])];
             *bounds = ChunkBounds { sides: found };
         });
+}
+
+/// Where the references of each chunk begin within its node's children: an exclusive scan over the node's chunks. Serial: it adds
+/// two numbers for 256 references.
+fn scan(inputs: &Inputs<'_>, offsets: &mut [Sides]) {
+    let (mut node, mut before) = (None, Sides::default());
+    for ((chunk, counts), offset) in inputs.chunks.iter().zip(inputs.chunk_counts).zip(offsets) {
+        if node != Some(chunk.node) {
+            (node, before) = (Some(chunk.node), Sides::default());
+        }
+        *offset = before;
+        before.left += counts.left;
+        before.right += counts.right;
+    }
 }
 
 /// [`Aabb::EMPTY`], with a fourth column.

@@ -69,7 +69,7 @@ mod tests {
         let mut references: [Reference; 5] =
             core::array::from_fn(|i| Reference::new(&Aabb::of_points(&triangles[i]), i as u32));
         references[4].lo[1] = 3.0;
-        let chunks = [Chunk { node: 0, first: 0, count: 5, padding: 0 }];
+        let chunks = [Chunk { node: 0, first: 0, count: 5, span_sides: 0 }];
         let decision = Decision { axis: 0, position: 2.0, ..Decision::zeroed() };
         let sides = |config: BuildConfig, decision| {
             let decisions = [decision];

@@ -4,8 +4,8 @@
 //! | kernel | an item of its grid |
 //! |---|---|
 //! | [`triangle_bounds`], [`gather_references`] | 256 consecutive triangles of the mesh |
-//! | [`name_chunks`], [`node_bounds`], [`split_median`], [`split_binned`], [`count_children`] | an active node |
-//! | [`bin_references`], [`classify_references`], [`scatter_references`] | a chunk: up to 256 consecutive references of an active node |
+//! | [`name_chunks`], [`node_bounds`], [`split_median`], [`split_binned`] | an active node |
+//! | [`bin_references`], [`classify_references`], [`count_children`], [`scatter_references`] | a chunk: up to 256 consecutive references of an active node |
 //! | [`build_middle`] | a node that the levels hand over |
 //! | [`place_middle`], [`measure_middle`], [`emit_middle`] | a middle root |
 //! | [`build_small`], [`emit_small`] | a small root |
@@ -17,7 +17,8 @@
 //! unless the text says otherwise. Items of one grid write to different places and read nothing that
 //! another one of them writes, so they may run in any order and at the same time.
 //!
-//! [`name_chunks`] is the first step of both `node_bounds` and `split_median`.
+//! [`name_chunks`] is the first step of both `node_bounds` and `split_median`. [`count_children`] is the second one of
+//! `classify_references`, and the one function whose items write to the same places: they add whole numbers, in any order.
 //!
 //! All kernels trust what earlier kernels wrote. On other contents they may panic.
 

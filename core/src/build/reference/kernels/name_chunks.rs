@@ -13,7 +13,7 @@ pub fn name_chunks(node: usize, active_nodes: &[LargeNode], chunks: &mut [Chunk]
             node: node as u32,
             first: this.first + offset,
             count: CHUNK.min(this.count - offset),
-            padding: 0,
+            span_sides: 0,
         };
     }
 }

@@ -133,7 +133,7 @@ mod tests {
     #[test]
     fn chunks_stand_side_by_side_in_each_child() {
         let config = BuildConfig::default().with_stages(|stages| stages.small_node_limit = 4);
-        let chunk = |node| Chunk { node, first: 0, count: 5, padding: 0 };
+        let chunk = |node| Chunk { node, first: 0, count: 5, span_sides: 0 };
         let chunks = [chunk(0), chunk(0), chunk(1), chunk(1)];
         let sides = |left: u32, right: u32| {
             let mut sides = ChunkSides::default();
