@@ -25,6 +25,7 @@ use crate::builder::source::Source;
 use crate::builder::{DeviceBuild, DeviceMesh, PendingBuild, WgpuExecutor};
 use crate::device::gpu::Gpu;
 use crate::device::host;
+use crate::device::wait::{Wait, blocking};
 use crate::device::{Instrument, Pipelines};
 use crate::error::GpuError;
 use crate::parity::Parity;
@@ -49,11 +50,30 @@ impl WgpuBackend {
     /// A device whose limits are too low, that fails, or whose trees are not valid; a driver that takes too
     /// long or too much memory for the pipelines.
     pub fn new(gpu: Gpu) -> Result<WgpuBackend, GpuError> {
+        blocking(WgpuBackend::new_by(Wait::Blocking, gpu))
+    }
+
+    /// As [`WgpuBackend::new`], without blocking while the device works. Where it is no browser's, a thread of the
+    /// driver's is waited for while it compiles a pipeline.
+    ///
+    /// # Errors
+    /// As for [`WgpuBackend::new`].
+    pub async fn new_async(gpu: Gpu) -> Result<WgpuBackend, GpuError> {
+        WgpuBackend::new_by(Wait::Yielding, gpu).await
+    }
+
+    async fn new_by(wait: Wait, gpu: Gpu) -> Result<WgpuBackend, GpuError> {
         gpu.check_limits()?;
         let mut backend = WgpuBackend::without_selftest(gpu);
         let parity = {
             let opening = backend.gpu().opening();
-            selftest::run(&backend.shared).map_err(|error| opening.exceeded().unwrap_or(error))?
+            match selftest::run(wait, &backend.shared).await {
+                Ok(parity) => parity,
+                Err(error) => {
+                    let error = opening.exceeded().unwrap_or(error);
+                    return Err(backend.gpu().cause(error).await);
+                }
+            }
         };
         backend.queries().set_parity(&parity);
         backend.parity = Some(parity);
@@ -124,6 +144,23 @@ impl WgpuBackend {
         options: &BuildOptions<'_>,
     ) -> Result<DeviceBuild, BuildError> {
         self.submit_build(mesh, options)?.wait_watched(options.watch)
+    }
+
+    /// As [`WgpuBackend::build_on_device`], without blocking while the device builds: the thread may do other work
+    /// meanwhile, and a page stays alive. The watch is called whenever the build is looked at. A future that is dropped
+    /// cancels the build.
+    ///
+    /// Work of the host's own is done when the future is polled: the mesh is sent, and the first build of its kind has
+    /// its pipelines compiled (in a browser by another process).
+    ///
+    /// # Errors
+    /// As for [`Backend::build`].
+    pub async fn build_on_device_async(
+        &self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<DeviceBuild, BuildError> {
+        self.submit_build(mesh, options)?.wait_watched_by(Wait::Yielding, options.watch).await
     }
 
     /// Sends the mesh, submits the build and returns at once; [`PendingBuild::poll`] gives the tree
@@ -200,6 +237,29 @@ impl WgpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions<'_>,
     ) -> Result<WgpuAccelerator, BuildError> {
+        blocking(self.build_accelerator_by(Wait::Blocking, mesh, options))
+    }
+
+    /// As [`WgpuBackend::build_accelerator`], without blocking while the device builds; see
+    /// [`WgpuBackend::build_on_device_async`]. The host's copy of the corners is made in one piece.
+    ///
+    /// # Errors
+    /// As for [`Backend::build`].
+    pub async fn build_accelerator_async(
+        &self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<WgpuAccelerator, BuildError> {
+        self.build_accelerator_by(Wait::Yielding, mesh, options).await
+    }
+
+    async fn build_accelerator_by(
+        &self,
+        wait: Wait,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<WgpuAccelerator, BuildError> {
+        wait.check()?;
         let watch = options.watch;
         let start = |done: usize| Progress {
             stage: Stage::Start,
@@ -217,7 +277,7 @@ impl WgpuBackend {
                 return Err(cancelled);
             }
         }
-        let built = pending.wait_watched(watch)?;
+        let built = pending.wait_watched_by(wait, watch).await?;
         Ok(self.accelerator(built, triangles))
     }
 

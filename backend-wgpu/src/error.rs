@@ -137,6 +137,9 @@ pub enum GpuError {
         /// What was asked.
         what: String,
     },
+    /// A page in a browser cannot wait for a device; the asynchronous calls do not need to.
+    #[error("nothing can wait for a device here: use the asynchronous calls")]
+    CannotBlock,
     /// wgpu or the driver refused something that should be right: a bug here or there.
     #[error("the device refused a command: {0}")]
     Refused(String),
@@ -172,6 +175,7 @@ impl GpuError {
             GpuError::Shader { .. }
             | GpuError::DriverLimit { .. }
             | GpuError::Unfinished { .. }
+            | GpuError::CannotBlock
             | GpuError::Refused(_) => DeviceError::Failed(self.to_string()),
         })
     }

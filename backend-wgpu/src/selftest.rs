@@ -18,10 +18,11 @@ use splitplane_core::tree::validate::validate_mesh;
 use splitplane_core::triangle::{Triangle, prepare};
 use wgpu::BufferUsages as Usage;
 
-use crate::builder::PendingBuild;
 use crate::builder::shared::Shared;
 use crate::builder::source::Source;
+use crate::builder::{DeviceBuild, PendingBuild};
 use crate::device::gpu::Gpu;
+use crate::device::wait::{Wait, blocking};
 use crate::device::{DeviceSet, Pipelines, Text, once};
 use crate::error::GpuError;
 use crate::parity::Parity;
@@ -41,9 +42,9 @@ pub const DIGEST: Digest = Digest(0x3bb2_3b4d_0a14_e334);
 ///
 /// # Errors
 /// A device that fails, or that builds a tree that is not valid.
-pub(crate) fn run(shared: &Arc<Shared>) -> Result<Parity, GpuError> {
-    let arithmetic = check_arithmetic(&shared.gpu, &Pipelines::default())?;
-    let tree = check_tree(shared)?;
+pub(crate) async fn run(wait: Wait, shared: &Arc<Shared>) -> Result<Parity, GpuError> {
+    let arithmetic = check_arithmetic(wait, &shared.gpu, &Pipelines::default()).await?;
+    let tree = check_tree(wait, shared).await?;
     Ok(match arithmetic.or(tree) {
         None => Parity::Bitwise,
         Some(difference) => Parity::Structural(difference),
@@ -196,11 +197,15 @@ fn pairs_at_the_least() -> Vec<[f32; 2]> {
 pub fn arithmetic_of(gpu: &Gpu, source: String) -> Result<Option<String>, GpuError> {
     let pipelines = Pipelines::default();
     pipelines.replace::<DeviceChecks>(CheckKernel::ArithmeticCheck, Some(source));
-    check_arithmetic(gpu, &pipelines)
+    blocking(check_arithmetic(Wait::Blocking, gpu, &pipelines))
 }
 
 /// The first operation whose result is not the CPU's.
-fn check_arithmetic(gpu: &Gpu, pipelines: &Pipelines) -> Result<Option<String>, GpuError> {
+async fn check_arithmetic(
+    wait: Wait,
+    gpu: &Gpu,
+    pipelines: &Pipelines,
+) -> Result<Option<String>, GpuError> {
     let mut sequence = Sequence(1);
     // A third of them near one another, where sums cancel; none whose results leave the range.
     let pairs: Vec<[f32; 2]> = (0..PAIRS)
@@ -209,30 +214,32 @@ fn check_arithmetic(gpu: &Gpu, pipelines: &Pipelines) -> Result<Option<String>, 
             [sequence.float(reach), sequence.float(reach)]
         })
         .collect();
-    let found = run_arithmetic(gpu, pipelines, &pairs, 0)?;
+    let found = run_arithmetic(wait, gpu, pipelines, &pairs, 0).await?;
     let strict = |x, y| expected(x, y).map(Some);
     if let Some(difference) = first_difference(&pairs, &found, strict) {
         return Ok(Some(difference));
     }
     // A compiler that saw through the barrier would take no notice of another zero.
-    let found = run_arithmetic(gpu, pipelines, &pairs, 1)?;
+    let found = run_arithmetic(wait, gpu, pipelines, &pairs, 1).await?;
     let difference = first_difference(&pairs, &found, expected_through_one);
     if let Some(difference) = difference {
         return Ok(Some(format!("with a zero of one, {difference}")));
     }
     let pairs = pairs_at_the_least();
-    let found = run_arithmetic(gpu, pipelines, &pairs, 0)?;
+    let found = run_arithmetic(wait, gpu, pipelines, &pairs, 0).await?;
     let difference = first_difference(&pairs, &found, expected_at_the_least);
     Ok(difference.map(|difference| format!("around the least normal number, {difference}")))
 }
 
 /// The results of all operations for pairs of operands, with this word as the barrier's zero.
-fn run_arithmetic(
+async fn run_arithmetic(
+    wait: Wait,
     gpu: &Gpu,
     pipelines: &Pipelines,
     pairs: &[[f32; 2]],
     zero: u32,
 ) -> Result<Vec<u32>, GpuError> {
+    let from = gpu.mark();
     let bytes = u64::from(PAIRS) * 32;
     let uniform = gpu.buffer("self-test", 16, Usage::UNIFORM | Usage::COPY_DST)?;
     let operands = gpu.buffer("self-test operands", bytes / 4, Usage::STORAGE | Usage::COPY_DST)?;
@@ -259,7 +266,8 @@ fn run_arithmetic(
         Ok(encoder.finish())
     })??;
     gpu.submit([commands])?;
-    Ok(bytemuck::pod_collect_to_vec(&gpu.read_mapped(&readback, bytes)?))
+    let found = gpu.read_mapped_by(wait, from, &readback, bytes).await?;
+    Ok(bytemuck::pod_collect_to_vec(&found))
 }
 
 /// The first result that is not as expected, in words.
@@ -327,46 +335,52 @@ fn rays(triangles: &[Triangle]) -> Vec<Ray> {
 }
 
 /// How the small tree, or the rays through it, differ from the CPU's.
-fn check_tree(shared: &Arc<Shared>) -> Result<Option<String>, GpuError> {
+async fn check_tree(wait: Wait, shared: &Arc<Shared>) -> Result<Option<String>, GpuError> {
     let triangles = triangles();
     let soup = Mesh::soup(&triangles).map_err(|error| GpuError::Refused(error.to_string()))?;
-    let refused = |error| match error {
-        BuildError::Device(DeviceError::Lost { reason }) => GpuError::Lost { reason },
-        BuildError::Device(DeviceError::TimedOut { seconds }) => GpuError::TimedOut { seconds },
-        other => GpuError::Refused(other.to_string()),
-    };
-    let build = |mesh: &Mesh<'_>| {
-        let (source, options) = (Source::Host(*mesh), BuildOptions::default());
-        PendingBuild::submit(Arc::clone(shared), &source, &options, false, false)
-            .and_then(|mut pending| pending.wait())
-            .map_err(refused)
-    };
-    let built = build(&soup)?;
-    let tree = built.tree.read(&shared.gpu)?;
+    let built = build(wait, shared, &soup).await?;
+    let tree = built.tree.read_by(wait, &shared.gpu).await?;
     validate_mesh(&tree.view(), &soup)
         .map_err(|violation| GpuError::Refused(format!("it builds broken trees: {violation}")))?;
     if tree.digest() != DIGEST {
         return Ok(Some(format!("a small tree is {}, not {DIGEST}", tree.digest())));
     }
-    if let Some(difference) = check_rays(&shared.queries, &built.tree, &tree, &triangles)? {
-        return Ok(Some(difference));
+    let difference = check_rays(wait, &shared.queries, &built.tree, &tree, &triangles).await?;
+    if difference.is_some() {
+        return Ok(difference);
     }
     // So small that every triangle is scaled before the test.
     let tiny: Vec<Triangle> =
         triangles.iter().map(|t| t.map(|corner| corner.map(|x| x * TINY))).collect();
     let soup = Mesh::soup(&tiny).map_err(|error| GpuError::Refused(error.to_string()))?;
-    let built = build(&soup)?;
-    let tree = built.tree.read(&shared.gpu)?;
+    let built = build(wait, shared, &soup).await?;
+    let tree = built.tree.read_by(wait, &shared.gpu).await?;
     validate_mesh(&tree.view(), &soup)
         .map_err(|violation| GpuError::Refused(format!("it builds broken trees: {violation}")))?;
-    check_rays(&shared.queries, &built.tree, &tree, &tiny)
+    check_rays(wait, &shared.queries, &built.tree, &tree, &tiny).await
+}
+
+/// A tree that stays on the device.
+async fn build(wait: Wait, shared: &Arc<Shared>, mesh: &Mesh<'_>) -> Result<DeviceBuild, GpuError> {
+    let (source, options) = (Source::Host(*mesh), BuildOptions::default());
+    let pending = PendingBuild::submit(Arc::clone(shared), &source, &options, false, false);
+    let built = match pending {
+        Ok(pending) => pending.wait_watched_by(wait, None).await,
+        Err(error) => Err(error),
+    };
+    built.map_err(|error| match error {
+        BuildError::Device(DeviceError::Lost { reason }) => GpuError::Lost { reason },
+        BuildError::Device(DeviceError::TimedOut { seconds }) => GpuError::TimedOut { seconds },
+        other => GpuError::Refused(other.to_string()),
+    })
 }
 
 /// Scale of the second scene.
 const TINY: f32 = 1.0 / (1u64 << 50) as f32;
 
 /// The first ray whose answer differs from the CPU's, on the same tree.
-fn check_rays(
+async fn check_rays(
+    wait: Wait,
     queries: &Queries,
     device: &DeviceTree,
     tree: &KdTree,
@@ -379,9 +393,11 @@ fn check_rays(
         other => GpuError::Refused(other.to_string()),
     };
     let mut hits = vec![Hit::MISS; rays.len()];
-    queries.closest_hits(device, &rays, &mut hits, &options).map_err(failed)?;
+    let marked = queries.closest_hits_under(wait, device, &rays, &mut hits, &options, None).await;
+    marked.and_then(|marked| marked.none()).map_err(failed)?;
     let mut any = vec![false; rays.len()];
-    queries.any_hits(device, &rays, &mut any, &options).map_err(failed)?;
+    let marked = queries.any_hits_under(wait, device, &rays, &mut any, &options, None).await;
+    marked.and_then(|marked| marked.none()).map_err(failed)?;
     let corners: Vec<Triangle> = triangles.iter().map(|t| prepare(t).corners).collect();
     let scale = device.scene_scale();
     for ((ray, found), any) in rays.iter().zip(&hits).zip(any) {

@@ -6,7 +6,7 @@ pub use finish::DeviceBuild;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::build::schedule;
@@ -21,8 +21,10 @@ use super::capacities::Capacities;
 use super::executor::{Build, WgpuExecutor, first_counters};
 use super::shared::{Pooled, Shared};
 use super::source::Source;
+use crate::device::deferred::Mark;
 use crate::device::gpu::Gpu;
 use crate::device::profile::Profile;
+use crate::device::wait::{Bell, Patience, Wait, blocking};
 use crate::device::{LoopControl, Pipelines};
 use crate::error::GpuError;
 
@@ -58,6 +60,10 @@ pub struct PendingBuild {
     spare_levels: u32,
     swapped: bool,
     mapped: Arc<AtomicU8>,
+    /// Rung when the mapping is reported.
+    bell: Bell,
+    /// Where it begins, in the order of what the device checks.
+    from: Mark,
     profile: Option<Profile<TreeBuilder>>,
     effort: Effort,
 }
@@ -80,6 +86,7 @@ impl PendingBuild {
         let preset = options.config.preset();
         let planes = preset.planes().ok_or(BuildError::PresetNotOnDevice { preset })?;
         let gpu = &shared.gpu;
+        let from = gpu.mark();
         if let Source::Device(mesh) = source {
             mesh.check().map_err(|reason| BuildError::InvalidMesh { reason })?;
         }
@@ -121,6 +128,8 @@ impl PendingBuild {
             spare_levels,
             swapped: false,
             mapped: Arc::new(AtomicU8::new(WAITING)),
+            bell: Bell::default(),
+            from,
             effort: Effort::default(),
             shared,
         };
@@ -227,11 +236,12 @@ impl PendingBuild {
         self.effort.submissions += 1;
         self.swapped = executor.swapped();
         self.mapped = Arc::new(AtomicU8::new(WAITING));
-        let mapped = Arc::clone(&self.mapped);
+        let (mapped, bell) = (Arc::clone(&self.mapped), self.bell.clone());
         let buffers = self.buffers.as_mut().expect("until finished");
         buffers.limits = limits;
         buffers.readback.map_async(wgpu::MapMode::Read, .., move |result| {
             mapped.store(if result.is_ok() { MAPPED } else { FAILED }, Ordering::Release);
+            bell.ring();
         });
         Ok(())
     }
@@ -248,7 +258,9 @@ impl PendingBuild {
     pub fn poll(&mut self) -> Result<Option<DeviceBuild>, BuildError> {
         let gpu = Arc::clone(&self.shared.gpu);
         gpu.poll()?;
+        let is_settled = gpu.settled(self.from)?;
         match self.mapped.load(Ordering::Acquire) {
+            _ if !is_settled => Ok(None),
             // Only the callback holds the other reference; when wgpu has forgotten it, the buffer
             // itself knows whether it is mapped.
             WAITING if Arc::strong_count(&self.mapped) > 1 => Ok(None),
@@ -269,49 +281,76 @@ impl PendingBuild {
     /// # Panics
     /// After the tree was given.
     pub fn wait(&mut self) -> Result<DeviceBuild, BuildError> {
-        let mut submitted = Instant::now();
+        blocking(self.wait_by(Wait::Blocking, None))
+    }
+
+    /// As [`PendingBuild::wait`], without blocking. Dropped before its end, it leaves the build as it is.
+    ///
+    /// # Errors
+    /// As for [`PendingBuild::wait`].
+    ///
+    /// # Panics
+    /// After the tree was given.
+    pub async fn wait_async(&mut self) -> Result<DeviceBuild, BuildError> {
+        self.wait_by(Wait::Yielding, None).await
+    }
+
+    /// As [`PendingBuild::wait`], but calls the watch meanwhile, which may cancel it.
+    pub(crate) fn wait_watched(self, watch: Option<&dyn Watch>) -> Result<DeviceBuild, BuildError> {
+        blocking(self.wait_watched_by(Wait::Blocking, watch))
+    }
+
+    /// The same in either way of waiting.
+    pub(crate) async fn wait_watched_by(
+        mut self,
+        wait: Wait,
+        watch: Option<&dyn Watch>,
+    ) -> Result<DeviceBuild, BuildError> {
+        let built = self.wait_by(wait, watch).await;
+        if let Err(BuildError::Cancelled { .. }) = built {
+            self.cancel();
+        }
+        built
+    }
+
+    async fn wait_by(
+        &mut self,
+        wait: Wait,
+        watch: Option<&dyn Watch>,
+    ) -> Result<DeviceBuild, BuildError> {
+        match self.wait_until_done(wait, watch).await {
+            Err(error @ BuildError::Device(_)) => Err(self.shared.gpu.cause(error).await),
+            built => built,
+        }
+    }
+
+    async fn wait_until_done(
+        &mut self,
+        wait: Wait,
+        watch: Option<&dyn Watch>,
+    ) -> Result<DeviceBuild, BuildError> {
+        wait.check()?;
+        let gpu = Arc::clone(&self.shared.gpu);
+        let progress = Progress { stage: Stage::Device, done: 0, total: 0 };
+        let in_one_piece = wait.blocks() && watch.is_none();
+        let mut patience = Patience::new(gpu.timeout());
         loop {
+            go_on(watch, progress)?;
             let submissions = self.effort.submissions;
-            self.shared.gpu.wait()?;
+            if in_one_piece {
+                gpu.wait()?;
+            }
             if let Some(built) = self.poll()? {
                 return Ok(built);
             }
             // More was submitted, or another thread is about to call back.
             if self.effort.submissions > submissions {
-                submitted = Instant::now();
-            } else if submitted.elapsed() > self.shared.gpu.timeout() {
-                let seconds = self.shared.gpu.timeout().as_secs();
-                return Err(GpuError::TimedOut { seconds }.into());
+                patience = Patience::new(gpu.timeout());
+            } else if patience.is_over() {
+                return Err(patience.exceeded().into());
             }
-            std::thread::yield_now();
-        }
-    }
-
-    /// As [`PendingBuild::wait`], but calls the watch meanwhile, which may cancel it.
-    pub(crate) fn wait_watched(
-        mut self,
-        watch: Option<&dyn Watch>,
-    ) -> Result<DeviceBuild, BuildError> {
-        if watch.is_none() {
-            return self.wait();
-        }
-        let progress = Progress { stage: Stage::Device, done: 0, total: 0 };
-        let (mut submitted, mut submissions) = (Instant::now(), self.effort.submissions);
-        loop {
-            if let Err(cancelled) = go_on(watch, progress) {
-                self.cancel();
-                return Err(cancelled);
-            }
-            if let Some(built) = self.poll()? {
-                return Ok(built);
-            }
-            let timeout = self.shared.gpu.timeout();
-            if self.effort.submissions > submissions {
-                (submitted, submissions) = (Instant::now(), self.effort.submissions);
-            } else if submitted.elapsed() > timeout {
-                return Err(GpuError::TimedOut { seconds: timeout.as_secs() }.into());
-            }
-            std::thread::sleep(POLL_INTERVAL);
+            let pause = if in_one_piece { Duration::ZERO } else { POLL_INTERVAL };
+            wait.pause(pause, &self.bell).await?;
         }
     }
 
@@ -322,7 +361,8 @@ impl PendingBuild {
         let Some(buffers) = self.buffers.take() else { return };
         // Whether it is mapped, waits to be, or neither: then there is nothing to undo, and wgpu says so.
         let unmapped = self.shared.gpu.guard(|| buffers.readback.unmap());
-        if unmapped.is_ok() {
+        // Where a browser has not told whether they are any good, they go.
+        if unmapped.is_ok() && self.shared.gpu.settled(self.from) == Ok(true) {
             let BuildOptions { config, .. } = self.options;
             let (capacities, levels) = (self.capacities, config.max_depth);
             let triangles = self.capacities.triangles;

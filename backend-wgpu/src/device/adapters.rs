@@ -6,6 +6,7 @@ use crate::device::bounded::{self, Unfinished};
 use crate::device::driver;
 use crate::device::gpu::Gpu;
 use crate::device::needs;
+use crate::device::wait::Wait;
 use crate::error::{DriverLimit, GpuError, OpenError};
 use crate::options::OpenOptions;
 use crate::parity::Parity;
@@ -75,21 +76,42 @@ pub fn adapters(test: impl Fn(&Gpu) -> Result<Parity, GpuError>) -> Vec<AdapterR
 impl Adapters {
     /// The adapters of all backends of this build, or of those that the environment variable
     /// `WGPU_BACKEND` names. Opens no window and no device.
+    ///
+    /// A page in a browser cannot block: there this finds none, and [`Adapters::find_async`] does.
     pub fn find() -> Adapters {
-        if wgpu::Instance::enabled_backend_features().is_empty() {
-            return Adapters { list: Vec::new() };
+        instance().map_or(Adapters { list: Vec::new() }, |instance| Adapters::find_in(&instance))
+    }
+
+    /// As [`Adapters::find`], without blocking. A browser gives one adapter, or none.
+    pub async fn find_async() -> Adapters {
+        match instance() {
+            Some(instance) => Adapters::find_in_async(&instance).await,
+            None => Adapters { list: Vec::new() },
         }
-        let mut description = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
-        // No kernel is dispatched indirectly, and this check would keep buffers below 4 GiB.
-        description.flags.remove(wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL);
-        Adapters::find_in(&wgpu::Instance::new(description))
     }
 
     /// The adapters of an instance that a host has.
     pub fn find_in(instance: &wgpu::Instance) -> Adapters {
-        let found = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
-        let list = found.into_iter().enumerate();
-        Adapters { list: list.map(|(index, adapter)| Adapter::new(index, adapter)).collect() }
+        if Wait::Blocking.check().is_err() {
+            return Adapters { list: Vec::new() };
+        }
+        pollster::block_on(Adapters::find_in_async(instance))
+    }
+
+    /// As [`Adapters::find_in`], without blocking.
+    pub async fn find_in_async(instance: &wgpu::Instance) -> Adapters {
+        let found = instance.enumerate_adapters(wgpu::Backends::all()).await;
+        let mut list = Vec::new();
+        for (index, adapter) in found.into_iter().enumerate() {
+            list.push(Adapter::new(index, adapter));
+        }
+        #[cfg(target_family = "wasm")]
+        if let [only] = &mut list[..]
+            && let Some(name) = super::web::adapter_name().await
+        {
+            only.info.name = name;
+        }
+        Adapters { list }
     }
 
     /// All adapters, in the order of their indices.
@@ -131,6 +153,17 @@ impl Adapters {
     pub fn all_ranked(&self) -> Vec<&Adapter> {
         best_first(self.list.iter().collect())
     }
+}
+
+/// An instance of all backends of this build, or of those that the environment names; `None` where the build has none.
+fn instance() -> Option<wgpu::Instance> {
+    if wgpu::Instance::enabled_backend_features().is_empty() {
+        return None;
+    }
+    let mut description = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
+    // No kernel is dispatched indirectly, and this check would keep buffers below 4 GiB.
+    description.flags.remove(wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL);
+    Some(wgpu::Instance::new(description))
 }
 
 /// Puts usable adapters first, the best of them in front.
@@ -179,6 +212,15 @@ impl Gpu {
     /// No adapter, none of the name, none that can be used, or a driver that takes too much.
     pub fn open(options: &OpenOptions) -> Result<Gpu, OpenError> {
         Adapters::find().select(options.adapter.as_deref())?.open(options)
+    }
+
+    /// As [`Gpu::open`], without blocking a page. Elsewhere a thread of the driver's is waited for.
+    ///
+    /// # Errors
+    /// As for [`Gpu::open`].
+    pub async fn open_async(options: &OpenOptions) -> Result<Gpu, OpenError> {
+        let adapters = Adapters::find_async().await;
+        adapters.select(options.adapter.as_deref())?.open_async(options).await
     }
 
     /// Like [`Gpu::open`], with an instance of the host.
@@ -238,28 +280,15 @@ impl Adapter {
     /// # Errors
     /// An adapter that cannot be used, or that would not open; a driver that takes too much.
     pub fn open(&self, options: &OpenOptions) -> Result<Gpu, OpenError> {
-        if let Some(reason) = &self.unusable {
-            return Err(self.refuse(reason));
-        }
-        let offered = self.adapter.limits();
-        // Limits of textures and the like may be below the defaults; no kernel notices. Above them
-        // only the sizes of buffers matter.
-        let mut limits = wgpu::Limits::default().or_worse_values_from(&offered);
-        if !options.default_limits {
-            limits.max_buffer_size = offered.max_buffer_size;
-            limits.max_storage_buffer_binding_size = offered.max_storage_buffer_binding_size;
-        }
-        let adapter = self.adapter.clone();
+        self.check()?;
+        let (adapter, description) = (self.adapter.clone(), self.wanted(options));
         let opened = bounded::run(&driver::bounds(options, &self.info), None, move || {
-            pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
-                label: Some("splitplane"),
-                required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
-                required_limits: limits,
-                ..Default::default()
-            }))
+            Wait::Blocking.check().map_err(|error| error.to_string())?;
+            let opened = pollster::block_on(adapter.request_device(&description));
+            opened.map_err(|error| error.to_string())
         });
         let (device, queue) = match opened {
-            Ok(opened) => opened.map_err(|error| self.refuse(&error.to_string()))?,
+            Ok(opened) => opened.map_err(|reason| self.refuse(&reason))?,
             Err(Unfinished::NotStarted(reason)) => {
                 return Err(self.refuse(&format!("no thread can be started: {reason}")));
             }
@@ -268,6 +297,53 @@ impl Adapter {
             }
         };
         Ok(Gpu::own(device, queue, options))
+    }
+
+    /// As [`Adapter::open`], without blocking a page. Elsewhere a thread of the driver's is waited for.
+    ///
+    /// # Errors
+    /// As for [`Adapter::open`].
+    #[cfg(not(target_family = "wasm"))]
+    pub async fn open_async(&self, options: &OpenOptions) -> Result<Gpu, OpenError> {
+        self.open(options)
+    }
+
+    /// As [`Adapter::open`], without blocking.
+    ///
+    /// # Errors
+    /// As for [`Adapter::open`].
+    #[cfg(target_family = "wasm")]
+    pub async fn open_async(&self, options: &OpenOptions) -> Result<Gpu, OpenError> {
+        self.check()?;
+        let limit = driver::bounds(options, &self.info).time;
+        let description = self.wanted(options);
+        let opened = super::web::within(limit, self.adapter.request_device(&description)).await;
+        let opened = opened
+            .ok_or_else(|| self.exceeds("opening a device".into(), DriverLimit::Time(limit)))?;
+        let (device, queue) = opened.map_err(|error| self.refuse(&error.to_string()))?;
+        Ok(Gpu::own(device, queue, options).named(&self.info.name))
+    }
+
+    fn check(&self) -> Result<(), OpenError> {
+        self.unusable.as_deref().map_or(Ok(()), |reason| Err(self.refuse(reason)))
+    }
+
+    /// The device that is asked for.
+    fn wanted(&self, options: &OpenOptions) -> wgpu::DeviceDescriptor<'static> {
+        let offered = self.adapter.limits();
+        // Limits of textures and the like may be below the defaults; no kernel notices. Above them
+        // only the sizes of buffers matter.
+        let mut limits = wgpu::Limits::default().or_worse_values_from(&offered);
+        if !options.default_limits {
+            limits.max_buffer_size = offered.max_buffer_size;
+            limits.max_storage_buffer_binding_size = offered.max_storage_buffer_binding_size;
+        }
+        wgpu::DeviceDescriptor {
+            label: Some("splitplane"),
+            required_features: self.adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
+            required_limits: limits,
+            ..Default::default()
+        }
     }
 
     /// The report on this adapter: opens it and runs `test` on the device.

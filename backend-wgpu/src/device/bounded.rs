@@ -4,9 +4,12 @@
 //! Drivers compile inside the process, in a call that takes as long and as much as it likes. The thread
 //! that makes the call cannot be ended: when a limit is exceeded, it is left to itself.
 
+#[cfg(not(target_family = "wasm"))]
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+#[cfg(not(target_family = "wasm"))]
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Mutex, PoisonError};
+#[cfg(not(target_family = "wasm"))]
 use std::thread;
 use std::time::Duration;
 
@@ -14,9 +17,11 @@ use super::stopwatch::Stopwatch;
 use crate::error::DriverLimit;
 
 /// Polling interval for memory and time.
+#[cfg(not(target_family = "wasm"))]
 const LOOK: Duration = Duration::from_millis(20);
 
 /// Compilers recurse. On a main thread they have this much.
+#[cfg(not(target_family = "wasm"))]
 const STACK: usize = 8 << 20;
 
 /// A driver's limits.
@@ -33,6 +38,7 @@ pub(crate) struct Bounds {
 pub(crate) enum Unfinished {
     Exceeded(DriverLimit),
     /// No thread could be started.
+    #[cfg_attr(target_family = "wasm", allow(dead_code, reason = "nothing starts threads there"))]
     NotStarted(String),
 }
 
@@ -46,6 +52,23 @@ pub(crate) fn run<T: Send + 'static>(
     run_metered(bounds, within, private_memory, work)
 }
 
+/// In a browser the call only tells another process to compile, which does so while this one goes on.
+#[cfg(target_family = "wasm")]
+fn run_metered<T>(
+    bounds: &Bounds,
+    within: Option<&Mutex<Stopwatch>>,
+    _memory: impl FnMut() -> Option<u64>,
+    work: impl FnOnce() -> T,
+) -> Result<T, Unfinished> {
+    let within = within.map(|watch| watch.lock().unwrap_or_else(PoisonError::into_inner));
+    let is_over = within.is_some_and(|mut watch| watch.is_over(bounds.time));
+    if is_over || Stopwatch::own().is_over(bounds.time) {
+        return Err(Unfinished::Exceeded(DriverLimit::Time(bounds.time)));
+    }
+    Ok(work())
+}
+
+#[cfg(not(target_family = "wasm"))]
 fn run_metered<T: Send + 'static>(
     bounds: &Bounds,
     within: Option<&Mutex<Stopwatch>>,

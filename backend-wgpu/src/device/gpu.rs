@@ -2,15 +2,17 @@
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use crate::device::bounded::Bounds;
 use crate::device::compiler::{Compiler, Opening};
+use crate::device::deferred::{Deferred, Mark};
 use crate::device::driver;
 use crate::device::health::Health;
 use crate::device::host;
 use crate::device::needs;
 use crate::device::traffic::{Counted, Traffic};
+use crate::device::wait::{Bell, Patience, Wait, blocking};
 use crate::error::GpuError;
 use crate::options::OpenOptions;
 
@@ -34,6 +36,8 @@ pub struct Gpu {
     last: Arc<Mutex<Option<wgpu::SubmissionIndex>>>,
     /// What crosses between host and device; shared by clones.
     traffic: Arc<Counted>,
+    /// What a browser has not told yet; shared by clones.
+    deferred: Arc<Deferred>,
     /// Longer buffers find no memory, where a test says so; shared by clones.
     planted_memory: Arc<AtomicU64>,
 }
@@ -61,7 +65,7 @@ impl Gpu {
         let limits = device.limits();
         let timeout = driver::default_timeout(info.device_type);
         let compiler = Arc::new(Compiler::new(driver::bounds(&OpenOptions::default(), &info)));
-        let (health, last, traffic) = Default::default();
+        let (health, last, traffic, deferred) = Default::default();
         let software = info.device_type == wgpu::DeviceType::Cpu;
         let planted_memory = Arc::new(AtomicU64::new(u64::MAX));
         Gpu {
@@ -75,8 +79,16 @@ impl Gpu {
             compiler,
             last,
             traffic,
+            deferred,
             planted_memory,
         }
+    }
+
+    /// The same device under another name: browsers do not give it to wgpu.
+    #[cfg(target_family = "wasm")]
+    pub(crate) fn named(mut self, name: &str) -> Gpu {
+        name.clone_into(&mut self.info.name);
+        self
     }
 
     /// The same device with another time-out.
@@ -178,19 +190,101 @@ impl Gpu {
     /// Runs calls of wgpu and returns the first error that they raise on this thread. wgpu reports
     /// nothing for calls on a lost device; [`Gpu::check`] does.
     ///
+    /// A browser tells errors later: there this returns `Ok`, and the asynchronous call that the work is part of
+    /// ends with the error.
+    ///
     /// # Errors
     /// A lost device, no memory, or anything that wgpu or the driver refused.
     pub fn guard<R>(&self, work: impl FnOnce() -> R) -> Result<R, GpuError> {
+        self.guard_as(work, |error| error)
+    }
+
+    /// As [`Gpu::guard`], with the error of what is refused made more precise.
+    pub(crate) fn guard_as<R>(
+        &self,
+        work: impl FnOnce() -> R,
+        precise: impl FnOnce(GpuError) -> GpuError + Send + 'static,
+    ) -> Result<R, GpuError> {
         let internal = self.device.push_error_scope(wgpu::ErrorFilter::Internal);
         let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let out = work();
         let scopes = [validation, memory, internal];
-        let errors = scopes.map(|scope| pollster::block_on(scope.pop()));
-        let Some(error) = errors.into_iter().flatten().next() else { return Ok(out) };
-        // A device that goes away leaves invalid objects, which are refused later.
-        self.health.check_lost(&self.device)?;
-        Err(GpuError::from_wgpu(error))
+        #[cfg(target_family = "wasm")]
+        {
+            let scopes = scopes.map(|scope| Box::pin(scope.pop()));
+            self.deferred.add(Box::pin(async move {
+                let mut first = None;
+                for scope in scopes {
+                    first = first.or(scope.await);
+                }
+                first.map(|error| precise(GpuError::from_wgpu(error)))
+            }));
+            Ok(out)
+        }
+        #[cfg(not(target_family = "wasm"))]
+        {
+            let errors = scopes.map(|scope| pollster::block_on(scope.pop()));
+            let Some(error) = errors.into_iter().flatten().next() else { return Ok(out) };
+            // A device that goes away leaves invalid objects, which are refused later.
+            self.health.check_lost(&self.device)?;
+            Err(precise(GpuError::from_wgpu(error)))
+        }
+    }
+
+    /// Where a piece of work begins, for [`Gpu::settled`].
+    pub(crate) fn mark(&self) -> Mark {
+        self.deferred.mark()
+    }
+
+    /// Whether it is known how all that was guarded since a mark went. Only in a browser it may not be.
+    ///
+    /// # Errors
+    /// What was refused since.
+    pub(crate) fn settled(&self, from: Mark) -> Result<bool, GpuError> {
+        self.deferred.settled(from)
+    }
+
+    /// Waits until it is known how all that was guarded since a mark went.
+    ///
+    /// # Errors
+    /// What was refused since; a lost device; a wait that is longer than the time-out, or not possible.
+    pub(crate) async fn settle(&self, wait: Wait, from: Mark) -> Result<(), GpuError> {
+        // Most often it is told at the next turn of the browser's loop, long before the next tick.
+        for _ in 0..4 {
+            if self.settled(from)? {
+                return Ok(());
+            }
+            wait.turn().await;
+        }
+        let mut patience = Patience::new(self.timeout);
+        while !self.settled(from)? {
+            self.check()?;
+            if patience.is_over() {
+                return Err(patience.exceeded());
+            }
+            wait.pause(POLL_PAUSE, &Bell::default()).await?;
+        }
+        Ok(())
+    }
+
+    /// The error of work that failed, which is the loss of the device where there is one: a browser refuses what was under way
+    /// before it tells the loss.
+    #[cfg(target_family = "wasm")]
+    pub(crate) async fn cause<E: From<GpuError>>(&self, error: E) -> E {
+        for _ in 0..5 {
+            super::web::tick().await;
+            if let Err(lost @ GpuError::Lost { .. }) = self.health.check_lost(&self.device) {
+                return lost.into();
+            }
+        }
+        error
+    }
+
+    /// The error of work that failed.
+    #[cfg(not(target_family = "wasm"))]
+    pub(crate) async fn cause<E: From<GpuError>>(&self, error: E) -> E {
+        error
     }
 
     /// A buffer of at least `bytes` bytes, a multiple of 4.
@@ -233,15 +327,15 @@ impl Gpu {
         if size > self.planted_memory.load(Ordering::Relaxed) {
             return Err(GpuError::OutOfMemory { what: label.to_owned(), needed: size });
         }
-        let made = self.guard(|| self.device.create_buffer(&description));
+        let what = label.to_owned();
+        let precise = move |error| match error {
+            GpuError::OutOfMemory { .. } => GpuError::OutOfMemory { what, needed: size },
+            other => other,
+        };
+        let made = self.guard_as(|| self.device.create_buffer(&description), precise);
         self.health.check_lost(&self.device)?;
         self.traffic.buffer();
-        made.map_err(|error| match error {
-            GpuError::OutOfMemory { .. } => {
-                GpuError::OutOfMemory { what: label.to_owned(), needed: size }
-            }
-            other => other,
-        })
+        made
     }
 
     /// Sends bytes to a buffer with the usage `COPY_DST`, ahead of the next submission, and counts them. What is
@@ -308,7 +402,12 @@ impl Gpu {
         source: &str,
         layout: Option<&wgpu::BindGroupLayout>,
     ) -> Result<wgpu::ComputePipeline, GpuError> {
-        let made = self.guard(|| {
+        let shader = label.to_owned();
+        let precise = move |error| match error {
+            GpuError::Refused(reason) => GpuError::Shader { shader, reason },
+            other => other,
+        };
+        let make = || {
             let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(label),
                 source: wgpu::ShaderSource::Wgsl(source.into()),
@@ -332,12 +431,10 @@ impl Gpu {
                 },
                 cache: None,
             })
-        });
+        };
+        let made = self.guard_as(make, precise);
         self.health.check_lost(&self.device)?;
-        made.map_err(|error| match error {
-            GpuError::Refused(reason) => GpuError::Shader { shader: label.to_owned(), reason },
-            other => other,
-        })
+        made
     }
 
     /// Submits commands.
@@ -367,11 +464,14 @@ impl Gpu {
     }
 
     /// Becomes true, once polled, when all that was submitted so far is done.
-    pub(crate) fn submitted_work_done(&self) -> Arc<AtomicBool> {
-        let done = Arc::new(AtomicBool::new(false));
-        let told = Arc::clone(&done);
-        self.queue.on_submitted_work_done(move || told.store(true, Ordering::Release));
-        done
+    pub(crate) fn submitted_work_done(&self) -> (Arc<AtomicBool>, Bell) {
+        let (done, bell) = <(Arc<AtomicBool>, Bell)>::default();
+        let (told, rung) = (Arc::clone(&done), bell.clone());
+        self.queue.on_submitted_work_done(move || {
+            told.store(true, Ordering::Release);
+            rung.ring();
+        });
+        (done, bell)
     }
 
     /// Waits until everything submitted through [`Gpu::submit`] so far is done.
@@ -394,6 +494,7 @@ impl Gpu {
     /// # Errors
     /// As for [`Gpu::wait`].
     pub fn wait_for(&self, submission: Option<wgpu::SubmissionIndex>) -> Result<(), GpuError> {
+        Wait::Blocking.check()?;
         self.check()?;
         // In one piece: wgpu panics, and forgets callbacks, when a wait runs out of time just before
         // another thread's submission or poll finds the queue empty.
@@ -415,6 +516,17 @@ impl Gpu {
     /// # Errors
     /// As for [`Gpu::wait`]; a buffer that cannot be read.
     pub fn read_mapped(&self, buffer: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, GpuError> {
+        blocking(self.read_mapped_by(Wait::Blocking, self.mark(), buffer, bytes))
+    }
+
+    /// As [`Gpu::read_mapped`], for work that began at a mark.
+    pub(crate) async fn read_mapped_by(
+        &self,
+        wait: Wait,
+        from: Mark,
+        buffer: &wgpu::Buffer,
+        bytes: u64,
+    ) -> Result<Vec<u8>, GpuError> {
         let size = buffer.size();
         let mapped = bytes.checked_next_multiple_of(4).filter(|mapped| *mapped <= size);
         let mapped = mapped.ok_or_else(|| {
@@ -423,7 +535,12 @@ impl Gpu {
         if mapped == 0 {
             return self.check().map(|()| Vec::new());
         }
-        let out = self.map(buffer, mapped).and_then(|()| {
+        let ready = match self.map(wait, buffer, mapped).await {
+            Ok(()) => self.settle(wait, from).await,
+            // What was refused before is why.
+            Err(error) => Err(self.settle(wait, from).await.err().unwrap_or(error)),
+        };
+        let out = ready.and_then(|()| {
             let view = buffer.get_mapped_range(..mapped);
             let view = view.map_err(|error| GpuError::Refused(error.to_string()))?;
             self.note_readback(mapped);
@@ -436,16 +553,22 @@ impl Gpu {
     }
 
     /// Maps the start of a buffer and waits until it is mapped.
-    fn map(&self, buffer: &wgpu::Buffer, bytes: u64) -> Result<(), GpuError> {
-        let start = Instant::now();
+    async fn map(&self, wait: Wait, buffer: &wgpu::Buffer, bytes: u64) -> Result<(), GpuError> {
+        wait.check()?;
+        let mut patience = Patience::new(self.timeout);
         let (send, receive) = mpsc::channel();
+        let bell = Bell::default();
+        let mapped = bell.clone();
         self.guard(|| {
             buffer.map_async(wgpu::MapMode::Read, ..bytes, move |result| {
                 // The receiver is gone if waiting failed.
                 let _ = send.send(result);
+                mapped.ring();
             });
         })?;
-        self.wait()?;
+        if wait.blocks() {
+            self.wait()?;
+        }
         // The callback comes with the last submission that uses the buffer. That may be one of the
         // host's own, or another thread that polls may be about to call back.
         loop {
@@ -458,12 +581,12 @@ impl Gpu {
                 // The callback was forgotten in a panic of wgpu's: the buffer knows whether it is
                 // mapped.
                 Err(mpsc::TryRecvError::Disconnected) => return self.check(),
-                Err(mpsc::TryRecvError::Empty) if start.elapsed() >= self.timeout => {
-                    return Err(GpuError::TimedOut { seconds: self.timeout.as_secs() });
+                Err(mpsc::TryRecvError::Empty) if patience.is_over() => {
+                    return Err(patience.exceeded());
                 }
                 Err(mpsc::TryRecvError::Empty) => {
                     self.poll()?;
-                    std::thread::sleep(POLL_PAUSE);
+                    wait.pause(POLL_PAUSE, &bell).await?;
                 }
             }
         }

@@ -4,7 +4,9 @@
 pub mod adapters;
 pub mod bindings;
 pub(crate) mod bounded;
+pub(crate) mod clock;
 pub(crate) mod compiler;
+pub(crate) mod deferred;
 mod driver;
 pub mod executor;
 pub mod gpu;
@@ -19,7 +21,12 @@ pub mod profile;
 pub mod readback;
 pub(crate) mod scope;
 pub(crate) mod stopwatch;
+#[cfg(not(target_family = "wasm"))]
+mod ticks;
 pub mod traffic;
+pub(crate) mod wait;
+#[cfg(target_family = "wasm")]
+pub(crate) mod web;
 
 pub use bindings::BindGroups;
 pub use executor::{DeviceExecutor, Job, LoopControl, Piece, Round};

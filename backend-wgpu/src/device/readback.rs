@@ -3,6 +3,7 @@
 use wgpu::BufferUsages as Usage;
 
 use crate::device::gpu::Gpu;
+use crate::device::wait::Wait;
 use crate::error::GpuError;
 
 /// The usages of a buffer that is read back.
@@ -18,6 +19,8 @@ pub fn read(
     offset: u64,
     bytes: u64,
 ) -> Result<Vec<u8>, GpuError> {
+    // A browser would not have done it when this returns.
+    Wait::Blocking.check()?;
     if bytes == 0 {
         return Ok(Vec::new());
     }

@@ -5,7 +5,8 @@ use crate::error::GpuError;
 
 /// Runs `work`; a validation error or a lack of memory that wgpu reports meanwhile becomes an
 /// error. Without this a refused submission would go unnoticed, and results of an earlier one would
-/// be read.
+/// be read. A browser tells errors later: see [`Gpu::guard`].
+#[cfg(not(target_family = "wasm"))]
 pub(crate) fn checked<T>(
     gpu: &Gpu,
     what: &str,
@@ -26,4 +27,19 @@ pub(crate) fn checked<T>(
             other => GpuError::Refused(format!("{what}: {other}")),
         })),
     }
+}
+
+/// The same in a browser.
+#[cfg(target_family = "wasm")]
+pub(crate) fn checked<T>(
+    gpu: &Gpu,
+    what: &str,
+    work: impl FnOnce() -> Result<T, GpuError>,
+) -> Result<T, GpuError> {
+    let what = what.to_owned();
+    gpu.guard_as(work, move |error| match error {
+        GpuError::OutOfMemory { .. } => GpuError::OutOfMemory { what, needed: 0 },
+        GpuError::Refused(reason) => GpuError::Refused(format!("{what}: {reason}")),
+        other => other,
+    })?
 }

@@ -3,7 +3,9 @@
 //! A driver that compiles on a busy machine may take many times as long as on an idle one, and none the less do its work. So the
 //! time in which a process could have run, but others did, does not count. Where the system does not say, all time counts.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
+
+use super::clock::Instant;
 
 /// Least time between two looks at the system's accounts, whose unit is 10 ms.
 const BETWEEN: Duration = Duration::from_millis(50);

@@ -1,9 +1,10 @@
 //! A tree on the device behind the core's `Accelerator`.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use splitplane_core::error::QueryError;
-use splitplane_core::ray::{Accuracy, QueryOptions, Ray, Undecided};
+use splitplane_core::ray::{Accuracy, QueryOptions, Undecided};
 use splitplane_core::report::{BuildSummary, QueryReport};
 use splitplane_core::tree::KdTree;
 use splitplane_core::triangle::Triangle;
@@ -130,41 +131,85 @@ impl WgpuAccelerator {
 /// Rays of a slice whose answers the host makes exact before the next, if there is a watch.
 const SLICE: usize = 1 << 16;
 
-/// Answers a batch. If the host processes all rays after the device and there is a watch, it works
-/// in slices, so that rays reported as done are done.
-pub(super) fn in_slices<T>(
-    rays: &[Ray],
-    answers: &mut [T],
-    options: &QueryOptions<'_>,
-    watch: Option<&dyn Watch>,
-    answer: impl Fn(
-        &[Ray],
-        &mut [T],
-        Option<&dyn Watch>,
-        &Asking<'_>,
-    ) -> Result<QueryReport, QueryError>,
-) -> Result<QueryReport, QueryError> {
-    let asking = Asking::new(watch, rays.len());
-    if watch.is_none() || options.accuracy != Accuracy::Exact || rays.len() != answers.len() {
-        // The device calls the watch itself, or returns its error; after it all but a few rays are
-        // done.
-        asking.advance(rays.len());
-        return answer(rays, answers, watch, &asking);
+/// The slices of a batch. If the host processes all rays after the device and there is a watch, there are several, so that
+/// rays reported as done are done.
+pub(super) struct Slices<'a> {
+    asking: &'a Asking<'a>,
+    /// Whether the host works after the device, and is watched.
+    several: bool,
+    /// Lengths that must be equal; the device's queries say so where they are not.
+    rays: usize,
+    hits: usize,
+    watch: Option<&'a dyn Watch>,
+    next: usize,
+    began: bool,
+    report: QueryReport,
+}
+
+/// One of them.
+pub(super) struct Slice<'a> {
+    pub(super) rays: Range<usize>,
+    pub(super) hits: Range<usize>,
+    /// For the device.
+    pub(super) watch: Option<&'a dyn Watch>,
+}
+
+impl<'a> Slices<'a> {
+    pub(super) fn new(
+        rays: usize,
+        hits: usize,
+        options: &QueryOptions<'a>,
+        asking: &'a Asking<'a>,
+    ) -> Result<Slices<'a>, QueryError> {
+        let watch = options.watch;
+        let several = watch.is_some() && options.accuracy == Accuracy::Exact && rays == hits;
+        if several {
+            asking.check()?;
+        } else {
+            // The device calls the watch itself, or returns its error; after it all but a few rays are
+            // done.
+            asking.advance(rays);
+        }
+        let report = QueryReport::default();
+        Ok(Slices { asking, several, rays, hits, watch, next: 0, began: false, report })
     }
-    asking.check()?;
-    let mut report = QueryReport::default();
-    let slices = rays.chunks(SLICE).zip(answers.chunks_mut(SLICE));
-    for (slice, (rays, answers)) in slices.enumerate() {
-        let part = answer(rays, answers, Some(&asking), &asking);
-        let part = part.map_err(|error| match error {
-            QueryError::Cancelled { .. } => asking.cancelled(),
+
+    pub(super) fn next(&mut self) -> Option<Slice<'a>> {
+        if !self.several {
+            let is_first = !std::mem::replace(&mut self.began, true);
+            let all = Slice { rays: 0..self.rays, hits: 0..self.hits, watch: self.watch };
+            return is_first.then_some(all);
+        }
+        let rays = self.next..self.rays.min(self.next + SLICE);
+        let asking: &'a Asking<'a> = self.asking;
+        (!rays.is_empty()).then(|| Slice { hits: rays.clone(), rays, watch: Some(asking) })
+    }
+
+    pub(super) fn done(
+        &mut self,
+        slice: Slice<'a>,
+        answered: Result<QueryReport, QueryError>,
+    ) -> Result<(), QueryError> {
+        if !self.several {
+            self.report = answered?;
+            return Ok(());
+        }
+        let part = answered.map_err(|error| match error {
+            QueryError::Cancelled { .. } => self.asking.cancelled(),
             error => error,
         })?;
         // Before these rays count as done.
-        asking.check()?;
-        report.append(part, slice * SLICE)?;
-        asking.advance(rays.len());
+        self.asking.check()?;
+        self.report.append(part, slice.rays.start)?;
+        self.asking.advance(slice.rays.len());
+        self.next = slice.rays.end;
+        Ok(())
     }
-    asking.check()?;
-    Ok(report)
+
+    pub(super) fn end(self) -> Result<QueryReport, QueryError> {
+        if self.several {
+            self.asking.check()?;
+        }
+        Ok(self.report)
+    }
 }

@@ -1,6 +1,7 @@
 //! Every query by name: what the device is asked, what its words mean, and what the host answers after it.
 
 use core::any::Any;
+use core::ops::Range;
 
 use splitplane_core::backend::Accelerator;
 use splitplane_core::error::QueryError;
@@ -16,14 +17,15 @@ use splitplane_core::report::{BuildSummary, QueryReport};
 use splitplane_core::tree::KdTree;
 use splitplane_core::watch::Watch;
 
-use super::accelerator::{WgpuAccelerator, in_slices};
+use super::accelerator::{Slices, WgpuAccelerator};
 use super::asked::Asked;
 use super::batch::Marked;
 use super::error::DeviceQueryError;
 use super::layout::UNFINISHED;
 use super::pipelines::Queries;
-use super::settle::list;
+use super::settle::{Asking, list};
 use super::tree::DeviceTree;
+use crate::device::wait::{Wait, blocking};
 
 impl Queries {
     /// The hit of least `(t, triangle)` of every ray; [`Hit::MISS`] where there is none.
@@ -45,6 +47,22 @@ impl Queries {
         self.closest_hits_marking(tree, rays, hits, options)?.none()
     }
 
+    /// As [`Queries::closest_hits`], without blocking while the device works. A future that is dropped cancels the batch.
+    ///
+    /// # Errors
+    /// As for [`Queries::closest_hits`].
+    pub async fn closest_hits_async(
+        &self,
+        tree: &DeviceTree,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        options: &QueryOptions<'_>,
+    ) -> Result<(), DeviceQueryError> {
+        self.may_answer(options)?;
+        let asked = self.closest_hits_under(Wait::Yielding, tree, rays, hits, options, None);
+        self.explained(asked.await).await?.none()
+    }
+
     /// For every ray, whether it hits anything. As [`Queries::closest_hits`].
     ///
     /// # Errors
@@ -57,6 +75,33 @@ impl Queries {
         options: &QueryOptions<'_>,
     ) -> Result<(), DeviceQueryError> {
         self.any_hits_marking(tree, rays, occluded, options)?.none()
+    }
+
+    /// As [`Queries::any_hits`], without blocking while the device works. A future that is dropped cancels the batch.
+    ///
+    /// # Errors
+    /// As for [`Queries::closest_hits`].
+    pub async fn any_hits_async(
+        &self,
+        tree: &DeviceTree,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions<'_>,
+    ) -> Result<(), DeviceQueryError> {
+        self.may_answer(options)?;
+        let asked = self.any_hits_under(Wait::Yielding, tree, rays, occluded, options, None);
+        self.explained(asked.await).await?.none()
+    }
+
+    /// An outcome whose error is the loss of the device where that is the cause.
+    async fn explained<T>(
+        &self,
+        outcome: Result<T, DeviceQueryError>,
+    ) -> Result<T, DeviceQueryError> {
+        match outcome {
+            Err(error @ DeviceQueryError::Gpu(_)) => Err(self.gpu().cause(error).await),
+            outcome => outcome,
+        }
     }
 
     /// As [`Queries::closest_hits`], but rays without an answer are no error: returns their indices
@@ -76,12 +121,13 @@ impl Queries {
         options: &QueryOptions<'_>,
     ) -> Result<Marked, DeviceQueryError> {
         self.may_answer(options)?;
-        self.closest_hits_under(tree, rays, hits, options, None)
+        blocking(self.closest_hits_under(Wait::Blocking, tree, rays, hits, options, None))
     }
 
     /// As [`Queries::closest_hits_marking`], with a watch.
-    pub(super) fn closest_hits_under(
+    pub(crate) async fn closest_hits_under(
         &self,
+        wait: Wait,
         tree: &DeviceTree,
         rays: &[Ray],
         hits: &mut [Hit],
@@ -91,7 +137,7 @@ impl Queries {
         same_length(rays.len(), hits.len())?;
         let mut out = Marked::default();
         let asked = Asked::Hit(Query::Closest);
-        self.trace_slices(tree, rays, options, asked, watch, |range, bytes| {
+        let answer = |range: Range<usize>, bytes: &[u8]| {
             let first = range.start;
             let hits = &mut hits[range];
             bytemuck::cast_slice_mut::<Hit, u8>(hits).copy_from_slice(bytes);
@@ -103,7 +149,8 @@ impl Queries {
                 }
             }
             Ok(())
-        })?;
+        };
+        self.trace_slices(wait, tree, rays, options, asked, watch, answer).await?;
         Ok(out)
     }
 
@@ -120,12 +167,13 @@ impl Queries {
         options: &QueryOptions<'_>,
     ) -> Result<Marked, DeviceQueryError> {
         self.may_answer(options)?;
-        self.any_hits_under(tree, rays, occluded, options, None)
+        blocking(self.any_hits_under(Wait::Blocking, tree, rays, occluded, options, None))
     }
 
     /// As [`Queries::any_hits_marking`], with a watch.
-    pub(super) fn any_hits_under(
+    pub(crate) async fn any_hits_under(
         &self,
+        wait: Wait,
         tree: &DeviceTree,
         rays: &[Ray],
         occluded: &mut [bool],
@@ -135,7 +183,7 @@ impl Queries {
         same_length(rays.len(), occluded.len())?;
         let mut out = Marked::default();
         let asked = Asked::Hit(Query::Any);
-        self.trace_slices(tree, rays, options, asked, watch, |range, bytes| {
+        let answer = |range: Range<usize>, bytes: &[u8]| {
             for (place, word) in range.zip(bytes.chunks_exact(4)) {
                 let word = [word[0], word[1], word[2], word[3]];
                 occluded[place] = false;
@@ -147,65 +195,137 @@ impl Queries {
                 }
             }
             Ok(())
-        })?;
+        };
+        self.trace_slices(wait, tree, rays, options, asked, watch, answer).await?;
         Ok(out)
     }
 }
 
 impl WgpuAccelerator {
-    fn find_closest_hits(
+    /// As the trait's function, without blocking while the device works. A future that is dropped cancels the batch. What is left
+    /// to the host it does when the future is polled: all of it under accuracy `exact`, and the rays that a driver does not finish.
+    ///
+    /// # Errors
+    /// As for the trait's function.
+    pub async fn closest_hits_async(
         &self,
         rays: &[Ray],
         hits: &mut [Hit],
         options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
-        let watch = options.watch;
-        let queries = &self.queries;
-        in_slices(rays, hits, options, watch, |rays, hits, watch, asking| {
-            let mut marked =
-                queries.closest_hits_under(&self.device, rays, hits, options, watch)?;
-            if options.accuracy == Accuracy::Exact {
-                if !queries.is_certain() {
-                    hits.fill(Hit { triangle: Hit::UNDECIDED, ..Hit::MISS });
-                    marked = Marked::default();
-                }
-                marked.undecided = self.host_scene().settle(rays, hits, options, asking)?;
-            }
-            for &ray in &marked.unfinished {
-                asking.check()?;
-                hits[ray] = self.closest_hit(&rays[ray], options).unwrap_or(Hit::MISS);
-            }
-            Ok(self.report(marked, options))
-        })
+        let found = self.find_closest_hits(Wait::Yielding, rays, hits, options);
+        self.explained(found.await).await
     }
 
-    fn find_any_hits(
+    /// The same for [`Accelerator::any_hits`].
+    ///
+    /// # Errors
+    /// As for the trait's function.
+    pub async fn any_hits_async(
         &self,
         rays: &[Ray],
         occluded: &mut [bool],
         options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
-        let watch = options.watch;
+        let found = self.find_any_hits(Wait::Yielding, rays, occluded, options);
+        self.explained(found.await).await
+    }
+
+    /// An outcome whose error is the loss of the device where that is the cause.
+    async fn explained<T>(&self, outcome: Result<T, QueryError>) -> Result<T, QueryError> {
+        match outcome {
+            Err(error @ QueryError::Device(_)) => Err(self.queries.gpu().cause(error).await),
+            outcome => outcome,
+        }
+    }
+
+    async fn find_closest_hits(
+        &self,
+        wait: Wait,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        options: &QueryOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        let asking = Asking::new(options.watch, rays.len());
+        let mut slices = Slices::new(rays.len(), hits.len(), options, &asking)?;
+        while let Some(part) = slices.next() {
+            let (some, found) = (&rays[part.rays.clone()], &mut hits[part.hits.clone()]);
+            let answered = self.closest_of(wait, some, found, options, part.watch, &asking).await;
+            slices.done(part, answered)?;
+        }
+        slices.end()
+    }
+
+    async fn closest_of(
+        &self,
+        wait: Wait,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        options: &QueryOptions<'_>,
+        watch: Option<&dyn Watch>,
+        asking: &Asking<'_>,
+    ) -> Result<QueryReport, QueryError> {
         let queries = &self.queries;
-        in_slices(rays, occluded, options, watch, |rays, occluded, watch, asking| {
-            let mut marked =
-                queries.any_hits_under(&self.device, rays, occluded, options, watch)?;
-            if options.accuracy == Accuracy::Exact {
-                if !queries.is_certain() {
-                    marked = Marked { undecided: list(rays.len())?, ..Marked::default() };
-                    marked.undecided.extend(0..rays.len());
-                }
-                if options.undecided == Undecided::Redo {
-                    let undecided = &marked.undecided;
-                    self.host_scene().settle_any(rays, undecided, occluded, options, asking)?;
-                }
+        let marked = queries.closest_hits_under(wait, &self.device, rays, hits, options, watch);
+        let mut marked = marked.await?;
+        if options.accuracy == Accuracy::Exact {
+            if !queries.is_certain() {
+                hits.fill(Hit { triangle: Hit::UNDECIDED, ..Hit::MISS });
+                marked = Marked::default();
             }
-            for &ray in &marked.unfinished {
-                asking.check()?;
-                occluded[ray] = self.any_hit(&rays[ray], options);
+            marked.undecided = self.host_scene().settle(rays, hits, options, asking)?;
+        }
+        for &ray in &marked.unfinished {
+            asking.check()?;
+            hits[ray] = self.closest_hit(&rays[ray], options).unwrap_or(Hit::MISS);
+        }
+        Ok(self.report(marked, options))
+    }
+
+    async fn find_any_hits(
+        &self,
+        wait: Wait,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        let asking = Asking::new(options.watch, rays.len());
+        let mut slices = Slices::new(rays.len(), occluded.len(), options, &asking)?;
+        while let Some(part) = slices.next() {
+            let (some, found) = (&rays[part.rays.clone()], &mut occluded[part.hits.clone()]);
+            let answered = self.any_of(wait, some, found, options, part.watch, &asking).await;
+            slices.done(part, answered)?;
+        }
+        slices.end()
+    }
+
+    async fn any_of(
+        &self,
+        wait: Wait,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions<'_>,
+        watch: Option<&dyn Watch>,
+        asking: &Asking<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        let queries = &self.queries;
+        let marked = queries.any_hits_under(wait, &self.device, rays, occluded, options, watch);
+        let mut marked = marked.await?;
+        if options.accuracy == Accuracy::Exact {
+            if !queries.is_certain() {
+                marked = Marked { undecided: list(rays.len())?, ..Marked::default() };
+                marked.undecided.extend(0..rays.len());
             }
-            Ok(self.report(marked, options))
-        })
+            if options.undecided == Undecided::Redo {
+                let undecided = &marked.undecided;
+                self.host_scene().settle_any(rays, undecided, occluded, options, asking)?;
+            }
+        }
+        for &ray in &marked.unfinished {
+            asking.check()?;
+            occluded[ray] = self.any_hit(&rays[ray], options);
+        }
+        Ok(self.report(marked, options))
     }
 }
 
@@ -230,7 +350,7 @@ impl Accelerator for WgpuAccelerator {
         hits: &mut [Hit],
         options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
-        self.find_closest_hits(rays, hits, options)
+        blocking(self.find_closest_hits(Wait::Blocking, rays, hits, options))
     }
 
     /// Calls the watch between slices and while the device works on one.
@@ -240,7 +360,7 @@ impl Accelerator for WgpuAccelerator {
         occluded: &mut [bool],
         options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
-        self.find_any_hits(rays, occluded, options)
+        blocking(self.find_any_hits(Wait::Blocking, rays, occluded, options))
     }
 
     /// The device lists the triangles that a ray may meet, and the host decides which of them are crossed, and where:

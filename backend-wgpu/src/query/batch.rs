@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::Acquire;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use splitplane_core::layout::BatchUniform;
 use splitplane_core::ray::{QueryOptions, Ray};
@@ -18,7 +18,10 @@ use super::record::QueryBuffers;
 use super::slices::SliceRays;
 use super::staging::Staging;
 use super::tree::DeviceTree;
+use crate::device::clock::Instant;
+use crate::device::deferred::Mark;
 use crate::device::scope::checked;
+use crate::device::wait::{Bell, Patience, Wait};
 use crate::error::GpuError;
 
 /// Indices of the rays of a batch that have no answer, in ascending order.
@@ -32,7 +35,7 @@ pub struct Marked {
 
 impl Marked {
     /// An error when there are any.
-    pub(super) fn none(&self) -> Result<(), DeviceQueryError> {
+    pub(crate) fn none(&self) -> Result<(), DeviceQueryError> {
         if let Some(&first) = self.unfinished.first() {
             return Err(DeviceQueryError::Unfinished { rays: self.unfinished.len(), first });
         }
@@ -51,8 +54,8 @@ struct Pending {
     set: Staging,
     rays: Range<usize>,
     since: Instant,
-    /// Whether the device is done with it, if there is a watch.
-    done: Option<Arc<AtomicBool>>,
+    /// Whether the device is done with it, and who is told then, if there is a watch.
+    done: Option<(Arc<AtomicBool>, Bell)>,
 }
 
 impl Queries {
@@ -70,8 +73,10 @@ impl Queries {
 
     /// Traces slices two deep: while the device works on one, the next one is submitted. `answer` gets
     /// the places of a slice's rays and the bytes that the kernel wrote for them.
-    pub(super) fn trace_slices(
+    #[expect(clippy::too_many_arguments, reason = "what a batch is, and how it is waited for")]
+    pub(super) async fn trace_slices(
         &self,
+        wait: Wait,
         tree: &DeviceTree,
         rays: &[Ray],
         options: &QueryOptions<'_>,
@@ -80,6 +85,8 @@ impl Queries {
         mut answer: impl FnMut(Range<usize>, &[u8]) -> Result<(), DeviceQueryError>,
     ) -> Result<(), DeviceQueryError> {
         let ask = |done: usize| go_on(watch, done, rays.len());
+        wait.check()?;
+        let from = self.gpu().mark();
         let most = self.slice_limit(asked);
         let mut size = self.slice_rays.first(most);
         let mut next = 0;
@@ -95,9 +102,12 @@ impl Queries {
                 Some(self.upload_slice(&rays[slice.clone()], options, asked, most)?)
             };
             if let (Some(_), Some(pending)) = (watch, &pending) {
-                self.watch_slice(pending, || ask(answered))?;
+                self.watch_slice(wait, pending, || ask(answered)).await?;
             }
-            let done = pending.take().map(|slice| self.await_slice(slice, asked)).transpose()?;
+            let done = match pending.take() {
+                Some(slice) => Some(self.await_slice(wait, from, slice, asked).await?),
+                None => None,
+            };
             if let Some((_, _, took)) = &done {
                 size = SliceRays::after(size, *took, most);
             }
@@ -165,29 +175,34 @@ impl Queries {
 
     /// Calls a watch until a slice is done, or its time is up. When the watch cancels the batch,
     /// the slice's buffers are freed once the device has finished with them.
-    fn watch_slice(
+    async fn watch_slice(
         &self,
+        wait: Wait,
         slice: &Pending,
         ask: impl Fn() -> Result<(), DeviceQueryError>,
     ) -> Result<(), DeviceQueryError> {
-        let Some(done) = &slice.done else { return Ok(()) };
+        let Some((done, bell)) = &slice.done else { return Ok(()) };
         let gpu = self.gpu();
-        while !done.load(Acquire) && slice.since.elapsed() < gpu.timeout() {
+        let mut patience = Patience::new(gpu.timeout());
+        while !done.load(Acquire) && !patience.is_over() {
             ask()?;
-            std::thread::sleep(POLL_INTERVAL);
+            wait.pause(POLL_INTERVAL, bell).await?;
             gpu.poll()?;
         }
         Ok(())
     }
 
     /// Waits for a slice. Returns its place, its answers, and how long it took.
-    fn await_slice(
+    async fn await_slice(
         &self,
+        wait: Wait,
+        from: Mark,
         slice: Pending,
         asked: Asked,
     ) -> Result<(Range<usize>, Vec<u8>, Duration), GpuError> {
         let bytes = slice.rays.len() as u64 * asked.result_bytes();
-        let answers = self.gpu().read_mapped(&slice.set.readback, bytes)?;
+        let gpu = self.gpu();
+        let answers = gpu.read_mapped_by(wait, from, &slice.set.readback, bytes).await?;
         let took = slice.since.elapsed();
         self.staging.keep(slice.set);
         Ok((slice.rays, answers, took))

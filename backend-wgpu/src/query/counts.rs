@@ -17,6 +17,7 @@ use super::asked::Asked;
 use super::held::{Held, Share};
 use super::lists::{FEW, Lists, slice_of};
 use super::settle::{Asking, list};
+use crate::device::wait::{Wait, blocking};
 
 /// Host memory for a ray of a slice: it, and whether it is left.
 const EACH: usize = size_of::<Ray>() + size_of::<usize>();
@@ -91,24 +92,20 @@ impl WgpuAccelerator {
         }
         let asked = Asked::Count { room: MOST_COUNTED as u32 };
         let tree = &self.device;
-        let done = self.queries.trace_slices(
-            tree,
-            rays,
-            options,
-            asked,
-            asking.watch(),
-            |range, bytes| {
-                let before = left.len();
-                for (ray, word) in range.clone().zip(bytes.chunks_exact(4)) {
-                    match sides(u32::from_ne_bytes([word[0], word[1], word[2], word[3]])) {
-                        Some(sides) => certain(ray, sides),
-                        None => left.push(ray),
-                    }
+        let count = |range: Range<usize>, bytes: &[u8]| {
+            let before = left.len();
+            for (ray, word) in range.clone().zip(bytes.chunks_exact(4)) {
+                match sides(u32::from_ne_bytes([word[0], word[1], word[2], word[3]])) {
+                    Some(sides) => certain(ray, sides),
+                    None => left.push(ray),
                 }
-                asking.advance(range.len() - (left.len() - before));
-                Ok(())
-            },
-        );
+            }
+            asking.advance(range.len() - (left.len() - before));
+            Ok(())
+        };
+        let (wait, watch) = (Wait::Blocking, asking.watch());
+        let done =
+            blocking(self.queries.trace_slices(wait, tree, rays, options, asked, watch, count));
         match done.map_err(QueryError::from) {
             Err(QueryError::Cancelled { .. }) => Err(asking.cancelled()),
             done => done.map(|()| left),

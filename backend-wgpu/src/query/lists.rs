@@ -18,6 +18,7 @@ use super::asked::Asked;
 use super::held::Held;
 use super::layout::UNFINISHED;
 use super::settle::{Asking, HostScene, list};
+use crate::device::wait::{Wait, blocking};
 
 /// Words of a list at first, its length included. Seven triangles suffice for most rays, and longer lists would be read
 /// back for all.
@@ -246,15 +247,17 @@ impl WgpuAccelerator {
     ) -> Result<Vec<u32>, QueryError> {
         let mut words: Vec<u32> = list(rays.len() * room)?;
         let (tree, asked) = (&self.device, Asked::List { room: room as u32 });
+        let keep = |_, bytes: &[u8]| {
+            words.extend(
+                bytes
+                    .chunks_exact(4)
+                    .map(|word| u32::from_ne_bytes([word[0], word[1], word[2], word[3]])),
+            );
+            Ok(())
+        };
+        let (wait, watch) = (Wait::Blocking, asking.watch());
         let done =
-            self.queries.trace_slices(tree, rays, options, asked, asking.watch(), |_, bytes| {
-                words.extend(
-                    bytes
-                        .chunks_exact(4)
-                        .map(|word| u32::from_ne_bytes([word[0], word[1], word[2], word[3]])),
-                );
-                Ok(())
-            });
+            blocking(self.queries.trace_slices(wait, tree, rays, options, asked, watch, keep));
         match done.map_err(QueryError::from) {
             Err(QueryError::Cancelled { .. }) => Err(asking.cancelled()),
             done => done.map(|()| words),

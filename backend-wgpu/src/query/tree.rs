@@ -12,6 +12,7 @@ use crate::device::gpu::Gpu;
 use crate::device::halves::{binding_limit, half, halves_limit};
 use crate::device::host;
 use crate::device::scope::checked;
+use crate::device::wait::{Wait, blocking};
 use crate::error::GpuError;
 
 /// The parts of a finished tree that are already on the device.
@@ -175,10 +176,26 @@ impl DeviceTree {
     /// # Errors
     /// A device that fails.
     pub fn read(&self, gpu: &Gpu) -> Result<KdTree, GpuError> {
+        blocking(self.read_by(Wait::Blocking, gpu))
+    }
+
+    /// As [`DeviceTree::read`], without blocking.
+    ///
+    /// # Errors
+    /// As for [`DeviceTree::read`].
+    pub async fn read_async(&self, gpu: &Gpu) -> Result<KdTree, GpuError> {
+        match self.read_by(Wait::Yielding, gpu).await {
+            Err(error) => Err(gpu.cause(error).await),
+            read => read,
+        }
+    }
+
+    pub(crate) async fn read_by(&self, wait: Wait, gpu: &Gpu) -> Result<KdTree, GpuError> {
         let parts = &self.parts;
-        let nodes = read_buffer(gpu, &parts.nodes, 8 * u64::from(parts.node_count))?;
-        let references =
-            read_buffer(gpu, &parts.leaf_references, 4 * u64::from(parts.reference_count))?;
+        let bytes = 8 * u64::from(parts.node_count);
+        let nodes = read_buffer(wait, gpu, &parts.nodes, bytes).await?;
+        let bytes = 4 * u64::from(parts.reference_count);
+        let references = read_buffer(wait, gpu, &parts.leaf_references, bytes).await?;
         Ok(KdTree {
             nodes: host::copied(&nodes)?,
             references: host::copied(&references)?,
@@ -320,10 +337,16 @@ fn fits_in_halves(gpu: &Gpu, what: &str, needed: u64) -> Result<(), GpuError> {
 }
 
 /// The first bytes of a buffer with the usage `COPY_SRC`.
-fn read_buffer(gpu: &Gpu, buffer: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, GpuError> {
+async fn read_buffer(
+    wait: Wait,
+    gpu: &Gpu,
+    buffer: &wgpu::Buffer,
+    bytes: u64,
+) -> Result<Vec<u8>, GpuError> {
     if bytes == 0 {
         return Ok(Vec::new());
     }
+    let from = gpu.mark();
     let readback = checked(gpu, "reading a tree back", || {
         let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
         let readback = gpu.buffer("tree, read back", bytes, usage)?;
@@ -332,5 +355,5 @@ fn read_buffer(gpu: &Gpu, buffer: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, 
         gpu.submit([encoder.finish()])?;
         Ok(readback)
     })?;
-    gpu.read_mapped(&readback, bytes)
+    gpu.read_mapped_by(wait, from, &readback, bytes).await
 }

@@ -2,7 +2,6 @@
 
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
-use std::time::Instant;
 
 use splitplane_core::kernel::{QueryBuffer, QueryKernel, QueryUniform, RayQueries, Slot};
 use splitplane_core::layout::{SceneBatch, culling_bits};
@@ -12,9 +11,11 @@ use splitplane_core::watch::Watch;
 use splitplane_shaders::TriangleTest;
 
 use super::held::HeldScene;
+use crate::device::clock::Instant;
 use crate::device::kernel_set::Bound;
 use crate::device::once;
 use crate::device::scope::checked;
+use crate::device::wait::Wait;
 use crate::error::GpuError;
 use crate::query::batch::go_on;
 use crate::query::error::DeviceQueryError;
@@ -126,6 +127,7 @@ impl Waves<'_> {
             .clamp(1, u64::from(SliceRays::MOST)) as u32;
         let mut size = self.queries.slice_rays.first(most);
         let (mut next, mut entered) = (0, 0);
+        Wait::Blocking.check()?;
         go_on(watch, 0, rays.len())?;
         while next < rays.len() {
             let slice = next..rays.len().min(next + size as usize);

@@ -1,0 +1,172 @@
+//! How work waits for a device: by blocking its thread, or by giving way to whatever else the caller's executor has to do.
+//!
+//! Everything that waits is stated once, as a future. Work that blocks is done when it is first polled, so that the functions
+//! that block only have to poll it. A page cannot block: there such work ends with [`GpuError::CannotBlock`].
+
+use std::pin::pin;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::task::{Context, Poll, Waker};
+use std::time::Duration;
+
+use super::clock::Instant;
+#[cfg(not(target_family = "wasm"))]
+use super::ticks::tick;
+#[cfg(target_family = "wasm")]
+use super::web::tick;
+use crate::error::GpuError;
+
+/// How work waits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Wait {
+    /// On its thread.
+    Blocking,
+    /// By giving way.
+    Yielding,
+}
+
+/// The outcome of work that waits by [`Wait::Blocking`].
+pub(crate) fn blocking<T>(work: impl Future<Output = T>) -> T {
+    match pin!(work).poll(&mut Context::from_waker(Waker::noop())) {
+        Poll::Ready(out) => out,
+        Poll::Pending => unreachable!("work that blocks gives way to nobody"),
+    }
+}
+
+impl Wait {
+    /// Whether it blocks the thread.
+    pub(crate) fn blocks(self) -> bool {
+        self == Wait::Blocking
+    }
+
+    /// Refuses to block where nothing can.
+    pub(crate) fn check(self) -> Result<(), GpuError> {
+        match self {
+            Wait::Blocking if cfg!(target_family = "wasm") => Err(GpuError::CannotBlock),
+            _ => Ok(()),
+        }
+    }
+
+    /// Lets a browser tell what it has to tell.
+    pub(crate) async fn turn(self) {
+        #[cfg(target_family = "wasm")]
+        if self == Wait::Yielding {
+            super::web::turn().await;
+        }
+    }
+
+    /// Lets some time pass: about `time` where it blocks, and otherwise until the bell is rung or the next tick.
+    ///
+    /// # Errors
+    /// [`GpuError::CannotBlock`].
+    pub(crate) async fn pause(self, time: Duration, bell: &Bell) -> Result<(), GpuError> {
+        self.check()?;
+        match self {
+            Wait::Blocking if time.is_zero() => std::thread::yield_now(),
+            Wait::Blocking => std::thread::sleep(time),
+            Wait::Yielding => {
+                let mut tick = pin!(tick());
+                let next = |context: &mut Context<'_>| {
+                    if bell.rings(context.waker()) {
+                        return Poll::Ready(());
+                    }
+                    tick.as_mut().poll(context)
+                };
+                std::future::poll_fn(next).await;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Rung by a callback, it wakes who waits for that.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Bell(Arc<Mutex<Ringing>>);
+
+#[derive(Debug, Default)]
+struct Ringing {
+    rung: bool,
+    waiting: Option<Waker>,
+}
+
+impl Bell {
+    /// Wakes who waits, or lets the next wait end at once.
+    pub(crate) fn ring(&self) {
+        let mut ringing = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        ringing.rung = true;
+        if let Some(waiting) = ringing.waiting.take() {
+            waiting.wake();
+        }
+    }
+
+    /// Whether it was rung since it was last asked; if not, it will wake `waker`.
+    fn rings(&self, waker: &Waker) -> bool {
+        let mut ringing = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let rung = std::mem::take(&mut ringing.rung);
+        ringing.waiting = (!rung).then(|| waker.clone());
+        rung
+    }
+}
+
+/// A limit of time for one wait.
+#[derive(Debug)]
+pub(crate) struct Patience {
+    since: Instant,
+    limit: Duration,
+    was_over: bool,
+}
+
+impl Patience {
+    pub(crate) fn new(limit: Duration) -> Patience {
+        Patience { since: Instant::now(), limit, was_over: false }
+    }
+
+    /// Whether the limit is exceeded. A browser stops a page in the background for as long as it likes, so that much time may have
+    /// passed in which what is waited for was not told: a page asks once more before it gives up.
+    pub(crate) fn is_over(&mut self) -> bool {
+        let is_over = self.since.elapsed() >= self.limit;
+        let was_over = std::mem::replace(&mut self.was_over, is_over);
+        is_over && (was_over || !cfg!(target_family = "wasm"))
+    }
+
+    /// The error of a wait that took longer.
+    pub(crate) fn exceeded(&self) -> GpuError {
+        GpuError::TimedOut { seconds: self.limit.as_secs() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn work_that_blocks_is_done_at_once() {
+        let work = async {
+            let start = Instant::now();
+            let pause = Duration::from_millis(2);
+            Wait::Blocking.pause(pause, &Bell::default()).await.expect("threads can wait here");
+            start.elapsed() >= pause
+        };
+        assert!(blocking(work));
+    }
+
+    #[test]
+    fn a_bell_ends_a_wait_that_gives_way() {
+        let (bell, woken) = (Bell::default(), Arc::new(Woken::default()));
+        let waker = Waker::from(Arc::clone(&woken));
+        assert!(!bell.rings(&waker));
+        bell.ring();
+        assert_eq!(woken.0.load(std::sync::atomic::Ordering::Relaxed), 1);
+        // Rung between two waits, it ends the next one, and that one only.
+        assert!(bell.rings(&waker));
+        assert!(!bell.rings(&waker));
+    }
+
+    #[derive(Default)]
+    struct Woken(std::sync::atomic::AtomicU32);
+
+    impl std::task::Wake for Woken {
+        fn wake(self: Arc<Self>) {
+            self.0.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        }
+    }
+}
