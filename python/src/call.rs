@@ -4,16 +4,19 @@ use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
-use splitplane::{Progress, Stage, Watch};
+use splitplane::{Progress, QueryError, Stage, Watch};
 
 use crate::failure::Failure;
 use crate::pool;
 
 /// How often the calling thread looks up from waiting.
 const BETWEEN: Duration = Duration::from_millis(20);
+
+/// A block that takes longer is slow: the library looks at its watch as often.
+const QUICK: Duration = Duration::from_millis(2);
 
 /// What every long call can be given.
 #[derive(FromPyObject)]
@@ -77,11 +80,46 @@ impl<'a> Blocks<'a> {
     /// So many more are done.
     pub(crate) fn add(&self, more: usize) {
         let done = self.done.fetch_add(more as u64, Ordering::Relaxed) + more as u64;
-        if done == self.total as u64
-            && let Ok(mut last) = self.watcher.last.lock()
-        {
-            *last = Some(Progress { stage: Stage::Rays, done, total: done });
+        let total = self.total as u64;
+        if done < total {
+            let _ = self.watcher.progress(&Progress { stage: Stage::Rays, done, total });
+        } else if let Ok(mut last) = self.watcher.last.lock() {
+            *last = Some(Progress { stage: Stage::Rays, done, total });
         }
+    }
+}
+
+/// How long blocks take of late, on one thread.
+///
+/// A batch with a watch begins with few rays, as nobody knows how slow they are; for each block anew that takes a fifth as long as
+/// quick rays themselves. So blocks have a watch only while they are slow, and cancellation is looked for between them too.
+pub(crate) struct Pace {
+    is_quick: bool,
+    begun: Instant,
+}
+
+impl Pace {
+    pub(crate) fn new() -> Pace {
+        Pace { is_quick: false, begun: Instant::now() }
+    }
+
+    /// Begins a block: its watch.
+    pub(crate) fn begin<'a>(
+        &mut self,
+        blocks: &'a Blocks<'_>,
+    ) -> Result<Option<&'a dyn Watch>, Failure> {
+        if blocks.watcher.stop.load(Ordering::Relaxed) {
+            let (done, total) = (blocks.done.load(Ordering::Relaxed), blocks.total as u64);
+            return Err(QueryError::Cancelled { done, total }.into());
+        }
+        self.begun = Instant::now();
+        Ok((!self.is_quick).then_some(blocks))
+    }
+
+    /// Ends a block.
+    pub(crate) fn end(&mut self, blocks: &Blocks<'_>, rays: usize) {
+        self.is_quick = self.begun.elapsed() < QUICK;
+        blocks.add(rays);
     }
 }
 

@@ -16,7 +16,7 @@ use splitplane::{
 
 use crate::answers::{Columns, Crossings, located};
 use crate::arrays::{flat, reserved, room, rows};
-use crate::call::{Blocks, Call, Part};
+use crate::call::{Blocks, Call, Pace, Part};
 use crate::failure::Failure;
 use crate::open::{Opened, open};
 use crate::options::{Counts, accuracy, add, config, culling, layout};
@@ -233,24 +233,27 @@ impl Tree {
         }
         if opened.is_cpu() {
             return call.run(py, |watcher| {
-                let watch = Blocks::new(watcher, total);
-                let options = QueryOptions { watch: Some(&watch), ..options };
+                let blocks = &Blocks::new(watcher, total);
                 let outs = t.par_chunks_mut(BLOCK).zip(triangle.par_chunks_mut(BLOCK));
                 let outs = outs.zip(u.par_chunks_mut(BLOCK).zip(v.par_chunks_mut(BLOCK)));
-                outs.enumerate().try_for_each(|(number, ((t, triangle), (u, v)))| {
-                    rays.with_block(number, |rays| {
-                        let mut hits = HITS.take();
-                        hits.clear();
-                        hits.try_reserve(BLOCK)
-                            .map_err(|_| Failure::memory(BLOCK * size_of::<Hit>()))?;
-                        hits.resize(rays.len(), Hit::MISS);
-                        accelerator.closest_hits(rays, &mut hits, &options)?;
-                        spread(&hits, t, triangle, u, v);
-                        HITS.set(hits);
-                        watch.add(rays.len());
-                        Ok(())
-                    })
-                })?;
+                outs.enumerate().try_for_each_init(
+                    Pace::new,
+                    |pace, (number, ((t, triangle), (u, v)))| {
+                        rays.with_block(number, |rays| {
+                            let options = QueryOptions { watch: pace.begin(blocks)?, ..options };
+                            let mut hits = HITS.take();
+                            if hits.is_empty() {
+                                hits = reserved(BLOCK, Hit::MISS)?;
+                            }
+                            let few = &mut hits[..rays.len()];
+                            accelerator.closest_hits(rays, few, &options)?;
+                            spread(few, t, triangle, u, v);
+                            HITS.set(hits);
+                            pace.end(blocks, rays.len());
+                            Ok(())
+                        })
+                    },
+                )?;
                 Ok(Counts::default())
             });
         }
@@ -305,12 +308,13 @@ impl Tree {
         }
         if opened.is_cpu() {
             return call.run(py, |watcher| {
-                let watch = Blocks::new(watcher, total);
-                let options = QueryOptions { watch: Some(&watch), ..options };
-                occluded.par_chunks_mut(BLOCK).enumerate().try_for_each(|(number, occluded)| {
+                let blocks = &Blocks::new(watcher, total);
+                let outs = occluded.par_chunks_mut(BLOCK).enumerate();
+                outs.try_for_each_init(Pace::new, |pace, (number, occluded)| {
                     rays.with_block(number, |rays| {
+                        let options = QueryOptions { watch: pace.begin(blocks)?, ..options };
                         accelerator.any_hits(rays, occluded, &options)?;
-                        watch.add(rays.len());
+                        pace.end(blocks, rays.len());
                         Ok(())
                     })
                 })?;
