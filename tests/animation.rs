@@ -1,6 +1,7 @@
 //! Frames from files, broken in every way, and the built-in scene that moves.
 
 use splitplane::core::tree::digest::Xxh64;
+use splitplane::scene::animation::NpyError;
 use splitplane::scene::obj::ObjProblem;
 use splitplane::scene::{
     Animation, AnimationError, CameraError, Change, Scene, SceneError, SceneOptions,
@@ -157,6 +158,97 @@ fn frames_that_are_not_there_are_refused() {
     fs::write(&bin, [0; 40]).unwrap();
     let error = animation.set(1, &mut opened).unwrap_err();
     assert!(matches!(error, AnimationError::Unreadable { .. }), "{error}");
+}
+
+/// An .npy file of this type, order and shape.
+fn npy(version: u8, kind: &str, order: &str, shape: &str, numbers: &[u8]) -> Vec<u8> {
+    let text = format!("{{'descr': {kind}, 'fortran_order': {order}, 'shape': {shape}, }}\n");
+    let mut bytes = b"\x93NUMPY".to_vec();
+    bytes.extend([version, 0]);
+    match version {
+        1 => bytes.extend((text.len() as u16).to_le_bytes()),
+        _ => bytes.extend((text.len() as u32).to_le_bytes()),
+    }
+    bytes.extend(text.bytes());
+    bytes.extend(numbers);
+    bytes
+}
+
+#[test]
+fn frames_of_arrays_come_in_any_order() {
+    let (folder, scene, bin) = raw(4, "{}");
+    let numbers = fs::read(bin).unwrap();
+    let (narrow, _) = numbers.as_chunks::<4>();
+    // Not all f64 are f32.
+    let wide: Vec<u8> = narrow
+        .iter()
+        .flat_map(|x| (f64::from(f32::from_le_bytes(*x)) * (1.0 + 1e-12)).to_le_bytes())
+        .collect();
+    let path = folder.path().join("a.npy");
+    for (version, kind, numbers) in
+        [(1, "'<f4'", &numbers), (2, "'<f8'", &wide), (3, "\"<f4\"", &numbers)]
+    {
+        fs::write(&path, npy(version, kind, "False", "(4, 3, 3)", numbers)).unwrap();
+        let (mut scene, mut animation) = open(&scene, Some(&path)).unwrap();
+        assert_eq!((animation.frames(), scene.positions.clone()), (4, raised(0.0)));
+        for frame in [3, 1, 2, 0] {
+            assert_eq!(animation.set(frame, &mut scene).unwrap(), Change::Positions);
+            assert_eq!(scene.positions, raised(frame as f32));
+        }
+        assert!(animation.time(0).is_none() && animation.camera(0).is_none());
+        let past = animation.set(4, &mut scene).unwrap_err();
+        assert!(matches!(past, AnimationError::NoSuchFrame { frame: 4, frames: 4 }), "{past}");
+        // A file that shrinks while it is open.
+        fs::write(&path, [0; 40]).unwrap();
+        let error = animation.set(1, &mut scene).unwrap_err();
+        assert!(matches!(error, AnimationError::Unreadable { .. }), "{error}");
+    }
+}
+
+#[test]
+fn arrays_that_are_no_frames_are_refused() {
+    let (folder, scene, bin) = raw(2, "{}");
+    let numbers = fs::read(bin).unwrap();
+    let path = folder.path().join("a.NPY");
+    let refused = |bytes: &[u8]| {
+        fs::write(&path, bytes).unwrap();
+        let error = open(&scene, Some(&path)).unwrap_err();
+        assert!(error.to_string().contains("a.NPY`"), "{error}");
+        error
+    };
+    let of =
+        |kind, order, shape, numbers: &[u8]| match refused(&npy(1, kind, order, shape, numbers)) {
+            AnimationError::Array { error, .. } => error,
+            other => panic!("{other}"),
+        };
+    let (good, shape) = (&numbers[..], "(2, 3, 3)");
+    assert_eq!(of("'>f4'", "False", shape, good), NpyError::Type(">f4".into()));
+    assert_eq!(of("'<i4'", "False", shape, good), NpyError::Type("<i4".into()));
+    assert_eq!(of("'<f4'", "True", shape, good), NpyError::Fortran);
+    for shape in ["(6, 3)", "(2, 3, 2)", "(2, 3, 3, 1)", "(18,)", "()", "(0, 3, 3)", "(2, 0, 3)"] {
+        let error = of("'<f4'", "False", shape, good);
+        let expected = "(frames, vertices, 3)";
+        assert_eq!(error, NpyError::Shape { found: shape.into(), expected });
+    }
+    let length = |promised, found| NpyError::Length { promised, found };
+    assert_eq!(of("'<f4'", "False", "(3, 3, 3)", good), length(108, 72));
+    assert_eq!(of("'<f8'", "False", shape, good), length(144, 72));
+    assert_eq!(of("'<f4'", "False", shape, &good[..71]), length(72, 71));
+    let many = "(9223372036854775807, 3, 3)";
+    assert_eq!(of("'<f4'", "False", many, good), NpyError::Header);
+    let other = refused(&npy(1, "'<f4'", "False", "(3, 2, 3)", good));
+    let expected = matches!(other, AnimationError::VertexCount { frame: 2, scene: 3, .. });
+    assert!(expected, "{other}");
+    let whole = npy(1, "'<f4'", "False", shape, good);
+    for cut in 0..whole.len() {
+        let error = refused(&whole[..cut]);
+        assert!(matches!(error, AnimationError::Array { .. }), "{cut}: {error}");
+    }
+    // A head that says it is longer than any is read.
+    let mut long = b"\x93NUMPY\x02\x00".to_vec();
+    long.extend(u32::MAX.to_le_bytes());
+    let error = refused(&long);
+    assert!(matches!(error, AnimationError::Array { error: NpyError::Header, .. }), "{error}");
 }
 
 /// A roof of two faces with a sharp ridge, whose normals the file shares between vertices.

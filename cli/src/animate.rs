@@ -192,6 +192,7 @@ impl Arguments {
         let options = look.scene_options(common);
         let (mut scene, mut animation) =
             Animation::open(&self.scene, self.frames.as_deref(), &options)?;
+        look.surround(&mut scene, common)?;
         // Lights are placed for what is seen.
         scene.camera = scene.camera.or(animation.camera(0));
         spinner.finish_and_clear();

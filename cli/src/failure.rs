@@ -3,7 +3,8 @@
 use splitplane::objects::{SceneBuildError, SceneError as ObjectsError, SceneWriteError};
 use splitplane::picture::PictureError;
 use splitplane::points::PointBuildError;
-use splitplane::render::{PlanError, RenderError};
+use splitplane::render::{EnvironmentMapError, PlanError, RenderError};
+use splitplane::scene::environment::{EnvironmentError, EnvironmentProblem};
 use splitplane::scene::instanced::{InstancedError, SceneFileProblem};
 use splitplane::scene::obj::{ObjError, ObjProblem};
 use splitplane::scene::{AnimationError, MeshFileError, MeshFileProblem, SceneError};
@@ -110,6 +111,23 @@ fn from_mesh_file(error: &MeshFileError, message: String) -> Failure {
         MeshFileProblem::TooLong { .. } => Failure::limit(message + "; --max-file allows more"),
         ref problem if problem.is_limit() => Failure::limit(message),
         _ => Failure::file(message),
+    }
+}
+
+impl From<EnvironmentError> for Failure {
+    fn from(error: EnvironmentError) -> Failure {
+        let message = error.to_string();
+        match &error.problem {
+            EnvironmentProblem::TooLong(_) => Failure::limit(message + "; --max-file allows more"),
+            EnvironmentProblem::TooLarge { .. } => {
+                Failure::limit(message + "; --max-texture allows more")
+            }
+            problem if problem.is_limit() => Failure::limit(message),
+            EnvironmentProblem::Map(
+                EnvironmentMapError::Strength { .. } | EnvironmentMapError::Rotation { .. },
+            ) => Failure::usage(message),
+            _ => Failure::file(message),
+        }
     }
 }
 
@@ -265,7 +283,7 @@ impl From<TracerError> for Failure {
                     RenderError::PhotonMap(PointBuildError::Cancelled { .. }) => CANCELLED,
                     RenderError::PhotonMap(_) => LIMIT,
                     #[cfg(feature = "wgpu")]
-                    RenderError::ExactOnDevice => USAGE,
+                    RenderError::ExactOnDevice | RenderError::EnvironmentMapOnDevice => USAGE,
                     #[cfg(feature = "wgpu")]
                     RenderError::Gpu(error) => gpu_code(error),
                     _ => BUG,

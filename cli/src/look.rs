@@ -1,15 +1,19 @@
 //! Options of verbs that make pictures: size, samples, camera, lights, what is wanted.
 
 use super::failure::Failure;
+use super::files::ends_in;
 use super::options::{Common, bytes, point, size};
 use clap::{Args, ValueEnum};
 use splitplane::Accelerator;
 use splitplane::render::{
     Environment, FrameStats, Gather, Light, LightTransport, Part, RenderSettings, Size,
 };
+use splitplane::scene::environment::EnvironmentOptions;
 use splitplane::scene::{
-    Camera, InstancedScene, MaterialRule, Placement, Scene, SceneOptions, View,
+    self, Camera, InstancedScene, MaterialRule, Placement, Scene, SceneOptions, View,
 };
+use std::path::PathBuf;
+use std::sync::Arc;
 
 /// [`SceneOptions::DECODE_LIMIT`] as users write it.
 pub(super) const MAX_TEXTURE: &str = "512M";
@@ -137,9 +141,16 @@ pub(super) struct Look {
     /// `--transport direct` only
     #[arg(long, value_name = "RADIANCE")]
     headlight: Option<f32>,
-    /// Light from everywhere, and the backdrop
-    #[arg(long, value_name = "sky|black|R,G,B", default_value = "sky", value_parser = environment)]
-    environment: Environment,
+    /// Light from everywhere, and the backdrop: a colour, or a picture of all directions, .hdr or .exr, whose middle is
+    /// towards -z, on the CPU only; what the scene file says, else `sky`, when left out
+    #[arg(long, value_name = "sky|black|R,G,B|FILE", value_parser = environment)]
+    environment: Option<Surroundings>,
+    /// Turns the picture of --environment about y, counter-clockwise seen from above
+    #[arg(long, value_name = "DEGREES", requires = "environment", allow_hyphen_values = true)]
+    environment_rotation: Option<f32>,
+    /// Factor of the light of the picture of --environment, 0 to 1e12
+    #[arg(long, value_name = "FACTOR", requires = "environment")]
+    environment_strength: Option<f32>,
     /// Which surfaces of .mtl files are mirrors
     #[arg(long, value_enum, default_value_t = MaterialsName::Illum)]
     materials: MaterialsName,
@@ -193,14 +204,25 @@ fn lamp(text: &str) -> Result<Lamp, String> {
     Ok(Lamp { place: point(&parts[..3].join(",")).map_err(|_| wrong())?, irradiance })
 }
 
-/// `sky`, `black` or one radiance for all directions.
-fn environment(text: &str) -> Result<Environment, String> {
+/// What is around a scene.
+#[derive(Clone, Debug, PartialEq)]
+enum Surroundings {
+    Colours(Environment),
+    File(PathBuf),
+}
+
+/// `sky`, `black`, one radiance for all directions, or the path of a picture.
+fn environment(text: &str) -> Result<Surroundings, String> {
+    let path = PathBuf::from(text);
     match text {
-        "sky" => Ok(Environment::SKY),
-        "black" => Ok(Environment::BLACK),
-        _ => point(text)
-            .map(Environment::uniform)
-            .map_err(|_| "give `sky`, `black` or three numbers, such as 0.5,0.5,0.6".to_owned()),
+        "sky" => Ok(Surroundings::Colours(Environment::SKY)),
+        "black" => Ok(Surroundings::Colours(Environment::BLACK)),
+        _ if ends_in(&path, "hdr") || ends_in(&path, "exr") => Ok(Surroundings::File(path)),
+        _ => match point(text) {
+            Ok(radiance) => Ok(Surroundings::Colours(Environment::uniform(radiance))),
+            Err(_) => Err("give `sky`, `black`, three numbers, such as 0.5,0.5,0.6, or the path of a .hdr or .exr"
+                .to_owned()),
+        },
     }
 }
 
@@ -309,9 +331,38 @@ impl Look {
         Ok(Some(lights))
     }
 
-    /// Whether the CPU alone makes such pictures of a mesh.
-    pub(super) fn is_for_the_cpu(&self) -> bool {
-        self.transport != Transport::Direct || self.passes > 1
+    /// Why the CPU alone makes such pictures of a mesh; `None` where a GPU does too.
+    pub(super) fn is_for_the_cpu(&self) -> Option<&'static str> {
+        let is_file = matches!(self.environment, Some(Surroundings::File(_)));
+        match self.transport != Transport::Direct || self.passes > 1 {
+            true => Some("it alone follows paths and photons and makes several passes"),
+            false => is_file.then_some("it alone has light of environment maps"),
+        }
+    }
+
+    /// Puts what is around into a scene: what the user says, else what is there.
+    pub(super) fn surround(&self, scene: &mut Scene, common: &Common) -> Result<(), Failure> {
+        match &self.environment {
+            None => {}
+            Some(Surroundings::Colours(_)) => scene.environment = None,
+            Some(Surroundings::File(path)) => {
+                let options = EnvironmentOptions {
+                    rotation_degrees: self.environment_rotation.unwrap_or(0.0),
+                    strength: self.environment_strength.unwrap_or(1.0),
+                    decode_limit: self.max_texture,
+                    file_limit: common.max_file,
+                };
+                let read = scene::environment::read(path, &options)?;
+                scene.notes.warnings.extend(read.note(path));
+                scene.environment = Some(Arc::new(read.map));
+            }
+        }
+        if scene.environment.is_some() && self.ambient.is_some() {
+            return Err(Failure::usage(
+                "--ambient is of environments of colours: of a picture all light is sampled, with its shadows; leave it out",
+            ));
+        }
+        Ok(())
     }
 
     /// Refuses options that would do nothing.
@@ -326,22 +377,30 @@ impl Look {
             ("--neighbours", self.neighbours.is_some()),
             ("--gather", self.gather.is_some()),
         ];
-        let without = |options: [(&'static str, bool); 3], why: &str| match options
-            .into_iter()
+        let without = |options: &[(&'static str, bool)], why: &str| match options
+            .iter()
             .find(|(_, given)| *given)
         {
             Some((option, _)) => Err(Failure::usage(format!("{option} {why}"))),
             None => Ok(()),
         };
+        let is_file = matches!(self.environment, Some(Surroundings::File(_)));
+        if !is_file {
+            let of_files = [
+                ("--environment-rotation", self.environment_rotation.is_some()),
+                ("--environment-strength", self.environment_strength.is_some()),
+            ];
+            without(&of_files, "is of pictures: give --environment the path of a .hdr or .exr")?;
+        }
         if self.transport != Transport::Direct {
             without(
-                direct,
+                &direct,
                 "is of direct light: paths and photons bring all light, and chance ends them; leave it out, or \
                  take --transport direct",
             )?;
         }
         if self.transport != Transport::Photons {
-            without(photons, "needs --transport photons")?;
+            without(&photons, "needs --transport photons")?;
         }
         Ok(())
     }
@@ -373,7 +432,10 @@ impl Look {
             }),
             headlight: self.headlight(placed.by_rule),
             exposure: self.exposure,
-            environment: self.environment,
+            environment: match self.environment {
+                Some(Surroundings::Colours(environment)) => environment,
+                _ => Environment::SKY,
+            },
             light: self.transport.into(),
             passes: self.passes,
             photons: self.photons.unwrap_or(RenderSettings::default().photons),
@@ -431,8 +493,14 @@ mod tests {
 
     #[test]
     fn environments() {
-        assert_eq!(environment("black").unwrap(), Environment::BLACK);
-        assert_eq!(environment("1,1,1").unwrap(), Environment::uniform([1.0; 3]));
+        let colours = |text| match environment(text) {
+            Ok(Surroundings::Colours(environment)) => environment,
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(colours("black"), Environment::BLACK);
+        assert_eq!(colours("1,1,1"), Environment::uniform([1.0; 3]));
+        let file = Surroundings::File("a/b.HDR".into());
+        assert_eq!(environment("a/b.HDR"), Ok(file));
         assert!(environment("red").is_err());
     }
 }

@@ -10,7 +10,7 @@ use super::{ending, output};
 use clap::Args;
 use serde::Serialize;
 use splitplane::picture::{FirstCost, FirstHit};
-use splitplane::render::Size;
+use splitplane::render::{Part, Size};
 use splitplane_scene::from_file::{self, ReadError, quoted_path};
 use std::path::{Path, PathBuf};
 
@@ -182,6 +182,33 @@ fn append<T>(whole: &mut Vec<T>, mut part: Vec<T>) -> Result<(), PartFileError> 
     Ok(())
 }
 
+/// A part of a picture with these colours, for fuzz targets. `wanted` is JSON as a description has it.
+///
+/// # Errors
+/// What cannot be described.
+pub fn part_of(
+    (index, count): (u32, u32),
+    (width, height): (u32, u32),
+    wanted: &str,
+    pixels: &[u32],
+) -> Result<Vec<u8>, Failure> {
+    let wrong = |error: &dyn std::fmt::Display| Failure::usage(error.to_string());
+    let part = Part::new(index, count).map_err(|error| wrong(&error))?;
+    let size = Size::new(width, height).map_err(|error| wrong(&error))?;
+    let wanted: Wanted = serde_json::from_str(wanted).map_err(|error| wrong(&error))?;
+    let settings = [("samples".to_owned(), "1".to_owned())].into();
+    let outputs = wanted.outputs(true, true);
+    let all = |needed: bool| if needed { pixels.len() } else { 0 };
+    let made = Made {
+        size,
+        hits: &vec![FirstHit::MISS; all(outputs.first_hits)],
+        costs: &vec![FirstCost::default(); all(outputs.first_costs)],
+        radiance: &vec![[0.5; 4]; all(outputs.radiance)],
+        pixels: &pixels[..all(outputs.pixels)],
+    };
+    part_file::to_bytes(part, &wanted, &settings, &made).map_err(|error| wrong(&error))
+}
+
 /// Reads the files of parts and puts them together, for fuzz targets: the colours of the picture.
 ///
 /// # Errors
@@ -189,7 +216,8 @@ fn append<T>(whole: &mut Vec<T>, mut part: Vec<T>) -> Result<(), PartFileError> 
 pub fn merged(files: &[&[u8]]) -> Result<Vec<u32>, Failure> {
     let names: Vec<PathBuf> =
         (0..files.len()).map(|index| PathBuf::from(format!("{index}.picpart"))).collect();
-    let parts = names.iter().zip(files).map(|(path, bytes)| Ok((path.as_path(), read(path, bytes)?)));
+    let parts =
+        names.iter().zip(files).map(|(path, bytes)| Ok((path.as_path(), read(path, bytes)?)));
     let whole = Whole::of(parts.collect::<Result<_, Failure>>()?)?;
     Ok(whole.pixels)
 }

@@ -100,7 +100,10 @@ mod tests {
         }
         let point = file(1, &dictionary("'<f4'", "False", "(1, 3)"), &narrow[4..16]);
         assert_eq!(read_rows::<3>(&point), Ok(vec![[1.0, 2.0, 3.0]]));
-        assert_eq!(read_rows::<8>(&point), Err(NpyError::Shape { found: "(1, 3)".into(), expected: "(n, 8)" }));
+        assert_eq!(
+            read_rows::<8>(&point),
+            Err(NpyError::Shape { found: "(1, 3)".into(), expected: "(n, 8)" })
+        );
         let none = file(1, &dictionary("'<f4'", "False", "(0, 8)"), &[]);
         assert_eq!(read_rows::<8>(&none), Ok(vec![]));
     }
@@ -115,8 +118,14 @@ mod tests {
             Err(NpyError::Type("several fields".into()))
         );
         assert_eq!(read("'<f4'", "True", "(1, 8)"), Err(NpyError::Fortran));
-        assert_eq!(read("'<f4'", "False", "(8,)"), Err(NpyError::Shape { found: "(8,)".into(), expected: "(n, 8)" }));
-        assert_eq!(read("'<f4'", "False", "(2, 3)"), Err(NpyError::Shape { found: "(2, 3)".into(), expected: "(n, 8)" }));
+        assert_eq!(
+            read("'<f4'", "False", "(8,)"),
+            Err(NpyError::Shape { found: "(8,)".into(), expected: "(n, 8)" })
+        );
+        assert_eq!(
+            read("'<f4'", "False", "(2, 3)"),
+            Err(NpyError::Shape { found: "(2, 3)".into(), expected: "(n, 8)" })
+        );
         assert_eq!(
             read("'<f4'", "False", "(1, 8)"),
             Err(NpyError::Length { promised: 32, found: 0 })

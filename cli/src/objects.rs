@@ -44,6 +44,7 @@ impl ObjectStage {
         let OpenedEngine { engine, reason } = open_backend(common)?;
         let spinner = progress::spinner(common.quiet, "reading the scene");
         let mut scene = InstancedScene::open_with(spec, &look.scene_options(common))?;
+        look.surround(&mut scene.parts, common)?;
         spinner.finish_and_clear();
         let info = engine.as_backend().describe();
         if !common.quiet {

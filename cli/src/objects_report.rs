@@ -2,12 +2,12 @@
 
 use super::failure::Failure;
 use super::look::{Look, of_photons};
+use super::made::Written;
 use super::objects::ObjectStage;
 use super::options::Common;
 use super::output;
 use super::percentiles::Percentiles;
 use super::prepared::{counted, print_json};
-use super::made::Written;
 use serde::Serialize;
 use splitplane::render::FrameStats;
 use splitplane_scene::from_file::quoted;

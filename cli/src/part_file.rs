@@ -228,9 +228,11 @@ impl PartFile {
         let differ = |name: &str, here: String, there: String| {
             (here != there).then(|| [name, &here, &there].map(quoted))
         };
-        let sizes = [self, other].map(|part| format!("{}x{}", part.size.width(), part.size.height()));
+        let sizes =
+            [self, other].map(|part| format!("{}x{}", part.size.width(), part.size.height()));
         let counts = [self, other].map(|part| part.part.count().to_string());
-        let wanted = [self, other].map(|part| serde_json::to_string(&part.wanted).unwrap_or_default());
+        let wanted =
+            [self, other].map(|part| serde_json::to_string(&part.wanted).unwrap_or_default());
         let own = [("size", sizes), ("number of parts", counts), ("outputs", wanted)];
         own.into_iter().find_map(|(name, [here, there])| differ(name, here, there)).or_else(|| {
             let names = self.settings.keys().chain(other.settings.keys());

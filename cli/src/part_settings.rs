@@ -44,6 +44,9 @@ fn look(scene: &SceneData, materials: &[u32]) -> Digest {
     let mut state = Xxh64::new(1);
     state.write_words(scene.words());
     state.write_words(materials);
+    if let Some(map) = scene.environment() {
+        state.write(&map.digest().0.to_le_bytes());
+    }
     Digest(state.finish())
 }
 

@@ -72,7 +72,8 @@ impl Arguments {
         let Arguments { look, common, .. } = self;
         let opened = open_for_pictures(common, look)?;
         let spinner = progress::spinner(common.quiet, "reading the scene");
-        let scene = Scene::open_with(&self.scene, &self.scene_options())?;
+        let mut scene = Scene::open_with(&self.scene, &self.scene_options())?;
+        look.surround(&mut scene, common)?;
         spinner.finish_and_clear();
         let mut stage = Stage::set(scene, opened, look, common)?;
         let path = self.path(&stage.scene.name);

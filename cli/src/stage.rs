@@ -33,21 +33,19 @@ pub(super) fn open_backend(common: &Common) -> Result<OpenedEngine, Failure> {
 
 /// The same for pictures of a mesh. `auto` takes the CPU where it alone makes them.
 pub(super) fn open_for_pictures(common: &Common, look: &Look) -> Result<OpenedEngine, Failure> {
-    if !look.is_for_the_cpu() || common.backend == BackendKind::Cpu {
+    let Some(reason) = look.is_for_the_cpu().filter(|_| common.backend != BackendKind::Cpu) else {
         return open_backend(common);
-    }
+    };
     if common.backend == BackendKind::Wgpu {
         return Err(Failure::usage(
-            "a GPU renders direct light in one pass only: --transport paths and photons, and --passes, need --backend cpu",
+            "a GPU renders direct light in one pass only, and none of pictures: --transport paths and photons, --passes, and \
+             --environment with a file need --backend cpu",
         ));
     }
     let mut cpu = common.clone();
     cpu.backend = BackendKind::Cpu;
     let opened = open_backend(&cpu)?;
-    Ok(OpenedEngine {
-        reason: "it alone follows paths and photons and makes several passes".into(),
-        ..opened
-    })
+    Ok(OpenedEngine { reason: reason.into(), ..opened })
 }
 
 impl Stage {

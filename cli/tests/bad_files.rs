@@ -60,6 +60,42 @@ fn rays(random: &mut Random) -> Vec<u8> {
     (0..8 * random.below(40)).flat_map(|_| random.pick(&odd).to_le_bytes()).collect()
 }
 
+/// The bytes of no part of a picture, and what is said of them.
+fn bad_part(random: &mut Random) -> (Vec<u8>, &'static str) {
+    let mut bytes = b"PICPART\0".to_vec();
+    let text = random.pick(&[
+        ("{}", "missing field"),
+        ("{", "is damaged"),
+        ("\u{1b}[2J", "is damaged"),
+        (
+            r#"{"index":3,"count":2,"width":4,"height":4,"wanted":{"aov":[],"heatmap":null,"heatmap_top":null},"settings":{}}"#,
+            "there is no part 3",
+        ),
+        (
+            r#"{"index":1,"count":1,"width":16384,"height":4096,"wanted":{"aov":[],"heatmap":null,"heatmap_top":null},"settings":{}}"#,
+            "promises 1073741",
+        ),
+        (
+            r#"{"index":1,"count":1,"width":4294967295,"height":2,"wanted":{"aov":[],"heatmap":null,"heatmap_top":null},"settings":{}}"#,
+            "4294967295x2 pixels cannot be made",
+        ),
+    ]);
+    let (version, length, names) = match random.below(6) {
+        0 => (2u32, text.0.len() as u32, "its version is 2"),
+        1 => (1, u32::MAX, "at most 65536"),
+        2 => (1, 60_000, "within the first 60016"),
+        _ => (1, text.0.len() as u32, text.1),
+    };
+    bytes.extend(version.to_le_bytes());
+    bytes.extend(length.to_le_bytes());
+    bytes.extend(text.0.bytes());
+    bytes.extend([0; 8]);
+    match random.below(8) {
+        0 => (bytes[..random.below(8)].to_vec(), "bad.picpart"),
+        _ => (bytes, names),
+    }
+}
+
 /// Arguments for one thread of the CPU.
 fn with<'a>(more: &[&'a str]) -> Vec<&'a str> {
     [more, &["--backend", "cpu", "--threads", "1"]].concat()
@@ -72,7 +108,7 @@ fn generate(random: &mut Random, folder: &TempDir) -> Case {
     fs::write(&scene, GOOD).unwrap();
     fs::write(&ray_file, rays(random)).unwrap();
     let verb = random.pick(&["build", "stats", "verify"]);
-    match random.below(12) {
+    match random.below(14) {
         0 | 1 => {
             let (text, line) = broken_scene(random);
             fs::write(path("bad.obj"), text).unwrap();
@@ -137,6 +173,27 @@ fn generate(random: &mut Random, folder: &TempDir) -> Case {
             let (output, into) = random.pick(&[("--hits", "no/such/file"), ("--hits", ".")]);
             let into = path(into);
             case(&with(&["query", &scene, "--rays", &ray_file, output, &into]), 3, "cannot write")
+        }
+        12 => {
+            let (bytes, names) = bad_part(random);
+            fs::write(path("bad.picpart"), bytes).unwrap();
+            let output = path("out.png");
+            case(&["merge", &path("bad.picpart"), "-o", &output], 3, names)
+        }
+        13 => {
+            let (bytes, names) = random.pick(&[
+                (&b""[..], "does not start"),
+                (b"\x93NUMPX\x01\x00\x00\x00", "does not start"),
+                (b"\x93NUMPY\x09\x00\x00\x00", "version 9"),
+                (b"\x93NUMPY\x01\x00\xff\xff{", "header is damaged"),
+                (b"\x93NUMPY\x02\x00\xff\xff\xff\xff{", "header is damaged"),
+                (
+                    b"\x93NUMPY\x01\x00\x3d\x00{'descr': '<f4', 'fortran_order': False, 'shape': (1, 4, 3)}\n",
+                    "promises 48 bytes of numbers, but 0 follow",
+                ),
+            ]);
+            fs::write(path("bad.npy"), bytes).unwrap();
+            case(&with(&["animate", &scene, "--frames", &path("bad.npy")]), 3, names)
         }
         10 => {
             let kind = random.pick(&["closest", "any"]);

@@ -290,6 +290,7 @@ fn the_documents_name_options_that_exist() {
     let mut help = String::new();
     for verb in [
         "render",
+        "merge",
         "animate",
         "build",
         "stats",

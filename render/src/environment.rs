@@ -1,10 +1,18 @@
-//! Light from everywhere. Twin of `environment.wgsl`.
+//! Light from everywhere. But for maps, a twin of `environment.wgsl`.
 
+use crate::environment_map::MapSample;
 use crate::layout::Frame;
+use crate::planted::{Fault, is_planted};
+use crate::scene_words::SceneWords;
 use crate::vector::{Vector, add, mix, scaled, sub};
+use crate::warp::ONE_OVER_PI;
 
 /// Radiance from a direction of length 1.
-pub(crate) fn radiance(frame: &Frame, direction: Vector) -> Vector {
+pub(crate) fn radiance(scene: &SceneWords<'_>, direction: Vector) -> Vector {
+    if let Some(map) = scene.environment {
+        return map.radiance(direction);
+    }
+    let frame = scene.frame;
     let height = direction[1];
     if height >= 0.0 {
         mix(frame.horizon, frame.zenith, height)
@@ -13,7 +21,16 @@ pub(crate) fn radiance(frame: &Frame, direction: Vector) -> Vector {
     }
 }
 
-/// Irradiance of a surface with this normal that nothing occludes, over pi: the radiance that it sends
+/// The sample of a map that two random words choose; `None` where there is no map, or nothing comes from there.
+pub(crate) fn sample(scene: &SceneWords<'_>, words: [u32; 2]) -> Option<MapSample> {
+    let mut sample = scene.environment?.sample(words);
+    if is_planted(scene.frame, Fault::MapEvenly) {
+        sample.density = 0.25 * ONE_OVER_PI;
+    }
+    (sample.density > 0.0).then_some(sample)
+}
+
+/// Irradiance by what is no map, of a surface with this normal that nothing occludes, over pi: the radiance that it sends
 /// back when it is white.
 pub(crate) fn irradiance(frame: &Frame, normal: Vector) -> Vector {
     let above = scaled(sub(frame.zenith, frame.horizon), hemisphere(normal[1]));

@@ -33,6 +33,12 @@ pub enum RenderError {
         "a device renders direct light in one pass only; take backend cpu for light by paths and for more passes"
     )]
     LightOnDevice,
+    /// An environment map on a device: the CPU alone has them.
+    #[cfg(feature = "wgpu")]
+    #[error(
+        "a device renders no light of environment maps; take backend cpu, or an environment of three colours"
+    )]
+    EnvironmentMapOnDevice,
     /// The buffer for the picture is unsuitable.
     #[cfg(feature = "wgpu")]
     #[error("the buffer for the picture {reason}")]

@@ -19,6 +19,7 @@ mod camera;
 #[cfg(feature = "cpu")]
 pub mod cpu;
 mod environment;
+mod environment_map;
 mod error;
 mod frame;
 mod fresnel;
@@ -29,8 +30,8 @@ mod lighting;
 mod lobes;
 mod material;
 mod microfacet;
-mod paths;
 mod part;
+mod paths;
 #[cfg(feature = "picture")]
 pub mod picture;
 mod plan;
@@ -55,6 +56,7 @@ pub mod wgpu;
 mod world;
 
 pub use camera::Pinhole;
+pub use environment_map::{EnvironmentMap, EnvironmentMapError};
 pub use error::RenderError;
 pub use frame::{FrameInput, FrameStats};
 pub use kernel::RayTracer;

@@ -1,13 +1,15 @@
 //! The light that reaches a surface. Light sample `l` is light `l` without a size; those that
-//! follow are samples of the triangles that shine. Twin of `lighting.wgsl`.
+//! follow are samples of the triangles that shine, and then of an environment map. But for maps, a twin of `lighting.wgsl`.
 
+use crate::environment;
+use crate::environment_map::MapSample;
 use crate::layout::{Path, Surface};
 use crate::plane::start;
-use crate::random::{light_sample, unit};
+use crate::random::{Use, key, light_sample, unit, words};
 use crate::scene_data::DIRECTIONAL;
 use crate::scene_words::{SceneWords, weighted};
 use crate::vector::{
-    Vector, add, dot, length, mul, negated, normalized, power_of_two, scaled, sub,
+    Vector, add, dot, greatest, length, mul, negated, normalized, power_of_two, scaled, sub,
 };
 use crate::world::{Spot, World};
 use splitplane_core::ray::Ray;
@@ -33,7 +35,15 @@ pub(crate) struct AreaSample {
 
 /// Light samples of a surface.
 fn samples(scene: &SceneWords<'_>) -> u32 {
-    scene.frame.lights + scene.frame.area_samples
+    scene.frame.lights + scene.frame.area_samples + scene.frame.sky_samples
+}
+
+/// A sample of an environment map; `None` where nothing comes from there.
+fn map_sample(scene: &SceneWords<'_>, path: &Path, wave: u32, sample: u32) -> Option<MapSample> {
+    let frame = scene.frame;
+    let own = sample - frame.lights - frame.area_samples;
+    let key = key(path.pixel, wave, Use::Sky as u32, frame.seed);
+    environment::sample(scene, words(key, path.sequence * frame.sky_samples + own))
 }
 
 fn area_sample(
@@ -95,6 +105,13 @@ pub(crate) fn may_be_lit(
         let towards = if sample < scene.frame.lights {
             let light = scene.light(sample);
             if light.kind == DIRECTIONAL { light.place } else { sub(light.place, surface.point) }
+        } else if sample >= scene.frame.lights + scene.frame.area_samples {
+            match map_sample(scene, path, wave, sample) {
+                Some(MapSample { direction, radiance, .. }) if greatest(radiance) > 0.0 => {
+                    direction
+                }
+                _ => continue,
+            }
         } else {
             sub(area_sample(scene, world, path, wave, sample).point, surface.point)
         };
@@ -117,6 +134,15 @@ pub(crate) fn shadow_ray(
 ) -> (Ray, Vector) {
     let start = start(surface, 1.0);
     let albedo = scaled(mul(path.weight, surface.scattering), ONE_OVER_PI);
+    if sample >= scene.frame.lights + scene.frame.area_samples {
+        let Some(MapSample { direction, radiance, density }) =
+            map_sample(scene, path, wave, sample)
+        else {
+            return (Ray::new(start, surface.normal), [0.0; 3]);
+        };
+        let part = dot(surface.normal, direction) / (density * scene.frame.sky_samples as f32);
+        return (Ray::new(start, direction), mul(albedo, scaled(radiance, part)));
+    }
     if sample >= scene.frame.lights {
         let area = area_sample(scene, world, path, wave, sample);
         let towards = sub(area.point, surface.point);

@@ -6,6 +6,7 @@
 
 use crate::bsdf::{Bsdf, Scattered};
 use crate::environment;
+use crate::environment_map::MapSample;
 use crate::layout::{Frame, Path, Surface};
 use crate::lighting::{shining_point, solid_angle};
 use crate::lobes::{FROM_EYE, LAST, Lobes, PATHS, ends, is_caustic, share};
@@ -38,7 +39,7 @@ pub(crate) fn shade(
         }
         let own =
             if path.density > 0.0 { share(frame, path.density, path.sky_density) } else { 1.0 };
-        let light = mul(path.weight, environment::radiance(frame, ray.direction));
+        let light = mul(path.weight, environment::radiance(scene, ray.direction));
         return Surface { light: scaled(light, own), ..Surface::default() };
     }
     let met = meet(scene, world, ray, (hit, instance));
@@ -168,14 +169,21 @@ fn draw(
         let light = scaled(light.irradiance, falloff * falloff);
         return Some(Sample { direction, end, light, density, unit });
     }
+    if sample >= frame.lights + frame.area_samples && scene.environment.is_some() {
+        let key = key(path.pixel, wave, Use::Sky as u32, frame.seed);
+        let MapSample { direction, radiance, density } =
+            environment::sample(scene, words(key, path.sequence))?;
+        let light = scaled(radiance, 1.0 / density);
+        return Some(Sample { direction, end: None, light, density, unit: 1.0 });
+    }
     if sample >= frame.lights + frame.area_samples {
         let local = hemisphere(numbers(Use::Sky as u32));
         let direction = normalized(Basis::around(surface.normal).to_world(local));
-        let density = sky_density(surface, direction);
+        let density = sky_density(scene, surface, direction);
         if density <= 0.0 {
             return None;
         }
-        let light = scaled(environment::radiance(frame, direction), 1.0 / density);
+        let light = scaled(environment::radiance(scene, direction), 1.0 / density);
         return Some(Sample { direction, end: None, light, density, unit: 1.0 });
     }
     let first = Use::Area as u32 + 2 * (sample - frame.lights);
@@ -200,7 +208,10 @@ fn draw(
 }
 
 /// The density with which a sample of the environment has a direction.
-fn sky_density(surface: &Surface, direction: Vector) -> f32 {
+fn sky_density(scene: &SceneWords<'_>, surface: &Surface, direction: Vector) -> f32 {
+    if let Some(map) = scene.environment {
+        return map.density(direction);
+    }
     let cosine = dot(surface.normal, direction);
     if cosine > 0.0 { cosine * ONE_OVER_PI } else { 0.0 }
 }
@@ -229,7 +240,10 @@ pub(crate) fn scatter(
         weight,
         density,
         history,
-        sky_density: if frame.sky_samples > 0 { sky_density(surface, direction) } else { 0.0 },
+        sky_density: match frame.sky_samples {
+            0 => 0.0,
+            _ => sky_density(scene, surface, direction),
+        },
         ..*path
     };
     Some((Ray::new(start(surface, side), direction), next))

@@ -267,8 +267,12 @@ impl Plan {
         self.settings.light == LightTransport::Photons && self.settings.gather == Gather::Final
     }
 
-    /// Samples of the environment for a surface point: 1 where light is followed beyond direct light and the environment shines.
+    /// Samples of the environment for a surface point: 1 where light is followed beyond direct light and the environment shines; of a map in direct light
+    /// as many as of surfaces that shine.
     pub fn sky_samples(&self) -> u32 {
+        if self.needs.environment_map {
+            return if self.is_direct() { self.settings.area_samples } else { 1 };
+        }
         let environment = &self.settings.environment;
         let parts = [environment.zenith, environment.horizon, environment.nadir];
         let shines = parts.as_flattened().iter().any(|part| *part > 0.0);

@@ -4,12 +4,14 @@
 mod common;
 
 use crate::planted::Fault;
-use crate::{Gather, LightTransport, Material, RenderSettings, Size};
+use crate::{EnvironmentMap, Gather, LightTransport, Material, RenderSettings, Size};
 use common::{World, along_z, ball, dark, downwards, mean, shoot};
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 fn settings(light: LightTransport, gather: Gather) -> RenderSettings {
-    RenderSettings { light, gather, depth: 64, samples: 32, photons: 60_000, ..dark() }
+    let depth = if light == LightTransport::Direct { 16 } else { 64 };
+    RenderSettings { light, gather, depth, samples: 32, photons: 60_000, ..dark() }
 }
 
 /// By how much the radiance inside of a shining grey sphere is off.
@@ -51,6 +53,21 @@ fn square(settings: &RenderSettings, mirrored: bool) -> f64 {
     mean(&shot)[0] / (0.8 / PI * irradiance) - 1.0
 }
 
+/// By how much the light of a grey floor is off that lies under a map of two halves, one of them four times as bright.
+fn sky(settings: &RenderSettings) -> f64 {
+    let texels = vec![[4.0; 3], [1.0; 3], [4.0; 3], [1.0; 3]];
+    let map = EnvironmentMap::new(2, 2, texels).unwrap();
+    let mut world = World {
+        materials: vec![Material::new("floor", [0.5; 3])],
+        environment: Some(Arc::new(map)),
+        ..World::default()
+    };
+    world.floor(0, 0.0, 2.0);
+    let size = Size::new(4, 4).unwrap();
+    let shot = shoot(&world, downwards([0.0, 1.0, 0.0], size, 0.1), size, settings);
+    mean(&shot)[0] / (0.5 * 2.5) - 1.0
+}
+
 /// What judges, and by how much it may be off by chance.
 type Judge = (fn(&RenderSettings) -> f64, f64);
 /// A fault, the light in which it is planted, and its judge.
@@ -64,7 +81,8 @@ fn faults_of_light_are_found() {
     let floor: Judge = (|settings| square(settings, false), 0.02);
     // A few photons beside the mirror.
     let mirror: Judge = (|settings| square(settings, true), 0.08);
-    let cases: [Case; 11] = [
+    let sky: Judge = (sky, 0.03);
+    let cases: [Case; 16] = [
         (Fault::SharesOfOne, Paths, Maps, sphere),
         (Fault::SharesOfOne, Photons, Final, sphere),
         (Fault::SurvivorsAsTheyAre, Paths, Maps, sphere),
@@ -76,6 +94,11 @@ fn faults_of_light_are_found() {
         (Fault::SquareDisks, Photons, Maps, sphere),
         (Fault::PhotonsAsTheyAre, Photons, Maps, sphere),
         (Fault::CausticsTwice, Photons, Final, mirror),
+        (Fault::SharesOfOne, Paths, Maps, sky),
+        (Fault::MapEvenly, LightTransport::Direct, Maps, sky),
+        (Fault::MapEvenly, Paths, Maps, sky),
+        (Fault::MapEvenly, Photons, Maps, sky),
+        (Fault::MapEvenly, Photons, Final, sky),
     ];
     for (fault, light, gather, (judge, chance)) in cases {
         let right = settings(light, gather);

@@ -23,6 +23,7 @@ mod srgb;
 pub use appearance::{Appearance, AppearanceError};
 pub use needs::Needs;
 
+use crate::environment_map::EnvironmentMap;
 use crate::layout::Frame;
 use crate::light::Light;
 use crate::material::Material;
@@ -33,6 +34,7 @@ use instances::InstanceTable;
 pub(crate) use round::RoundPlace;
 use splitplane_core::mesh::Mesh;
 use srgb::{least_shown, linear};
+use std::sync::Arc;
 
 /// In place of an index: nothing.
 pub const NONE: u32 = u32::MAX;
@@ -77,6 +79,7 @@ pub struct SceneData {
     words: Vec<u32>,
     sections: Sections,
     needs: Needs,
+    environment: Option<Arc<EnvironmentMap>>,
     materials: u32,
     triangles: u32,
     revision: u64,
@@ -240,7 +243,9 @@ impl SceneData {
             smooth_normals: smooth,
             lights: appearance.lights.len() as u32,
             emitters,
+            environment_map: appearance.environment.is_some_and(|map| map.shines()),
         };
+        self.environment = appearance.environment.cloned();
         Ok(())
     }
 
@@ -283,6 +288,11 @@ impl SceneData {
     /// Triangles described.
     pub fn triangles(&self) -> u32 {
         self.triangles
+    }
+
+    /// Light from everywhere, where it is a map.
+    pub fn environment(&self) -> Option<&EnvironmentMap> {
+        self.environment.as_deref()
     }
 
     /// What the scene needs.

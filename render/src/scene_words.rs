@@ -1,5 +1,6 @@
 //! Reads a scene's appearance from its words. Twin of `scene_words.wgsl`.
 
+use crate::environment_map::EnvironmentMap;
 use crate::layout::Frame;
 use crate::scene_data::{EMITTER_WORDS, LIGHT_WORDS, MATERIAL_WORDS, NONE, TEXTURE_WORDS};
 use crate::vector::{Vector, add, mix, scaled};
@@ -9,6 +10,8 @@ use crate::vector::{Vector, add, mix, scaled};
 pub(crate) struct SceneWords<'a> {
     pub(crate) words: &'a [u32],
     pub(crate) frame: &'a Frame,
+    /// In place of the frame's own environment; on the CPU alone.
+    pub(crate) environment: Option<&'a EnvironmentMap>,
 }
 
 /// A material, without the texture's colour.

@@ -107,7 +107,7 @@ pub(crate) fn shade(
 ) -> Surface {
     let frame = scene.frame;
     if !hit.is_hit() {
-        let light = mul(path.weight, environment::radiance(frame, ray.direction));
+        let light = mul(path.weight, environment::radiance(scene, ray.direction));
         return Surface { light, ..Surface::default() };
     }
     let Met { mut surface, described, weights, from_front, .. } =
@@ -119,7 +119,7 @@ pub(crate) fn shade(
     } else {
         let texture = scene.texture_colour(material.texture, described, weights);
         surface.scattering = mul(material.diffuse, texture);
-        shade_opaque(&mut surface, frame, &material, ray.direction, path, last);
+        shade_opaque(&mut surface, scene, &material, ray.direction, path, last);
         if greatest(surface.scattering) > 0.0 {
             surface.lights = may_be_lit(scene, world, &surface, path, wave);
         }
@@ -151,13 +151,18 @@ fn smooth_normal(
 
 fn shade_opaque(
     surface: &mut Surface,
-    frame: &Frame,
+    scene: &SceneWords<'_>,
     material: &MaterialWords,
     direction: Vector,
     path: &Path,
     last: bool,
 ) {
-    let mut received = scaled(environment::irradiance(frame, surface.normal), frame.ambient);
+    let frame = scene.frame;
+    // Rays are aimed at a map.
+    let mut received = match scene.environment {
+        Some(_) => [0.0; 3],
+        None => scaled(environment::irradiance(frame, surface.normal), frame.ambient),
+    };
     let headlight = frame.headlight * incidence(direction, surface.normal);
     received = add(received, [headlight; 3]);
     let sent = add(material.emission, mul(surface.scattering, received));

@@ -19,6 +19,19 @@ fn sin_cos(x: f32) -> [f32; 2] {
     [sine, cosine]
 }
 
+/// Sine and cosine of so many full turns, within 2e-7.
+pub(crate) fn turn(turns: f64) -> [f32; 2] {
+    let eighths = turns * 8.0;
+    let quadrant = (eighths * 0.5).round();
+    let [sine, cosine] = sin_cos((eighths - 2.0 * quadrant) as f32);
+    match (quadrant as i64).rem_euclid(4) {
+        0 => [sine, cosine],
+        1 => [cosine, -sine],
+        2 => [-sine, -cosine],
+        _ => [-cosine, sine],
+    }
+}
+
 /// A point of the unit disk, evenly; squares become slices of rings (Shirley and Chiu 1997).
 pub(crate) fn disk([u, v]: [f32; 2]) -> [f32; 2] {
     let (a, b) = (2.0 * u - 1.0, 2.0 * v - 1.0);
@@ -131,6 +144,17 @@ mod tests {
             assert!((f64::from(sine) - angle.sin()).abs() < 2e-7, "{x}");
             assert!((f64::from(cosine) - angle.cos()).abs() < 2e-7, "{x}");
         }
+    }
+
+    #[test]
+    fn turns_go_around() {
+        for i in -3000..=3000 {
+            let turns = f64::from(i) / 1000.0;
+            let (want, [sine, cosine]) = ((turns * std::f64::consts::TAU).sin_cos(), turn(turns));
+            assert!((f64::from(sine) - want.0).abs() < 2e-7, "{turns}");
+            assert!((f64::from(cosine) - want.1).abs() < 2e-7, "{turns}");
+        }
+        assert_eq!([turn(0.0), turn(0.25), turn(0.5)], [[0.0, 1.0], [1.0, 0.0], [0.0, -1.0]]);
     }
 
     /// Moments of the distributions: of a cosine hemisphere z has the mean 2/3 and the mean square 1/2; of a sphere 0 and 1/3.

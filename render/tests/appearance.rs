@@ -171,6 +171,7 @@ fn odd_appearances_are_read_as_nothing() {
         normal_indices: &[[0, 5, u32::MAX]],
         texcoords: &[[f32::INFINITY, 0.0]],
         texcoord_indices: &[[0, 5, u32::MAX]],
+        environment: None,
     };
     let data = SceneData::new(&mesh, &appearance).unwrap();
     assert!(!data.needs().textures && data.needs().smooth_normals);

@@ -9,7 +9,10 @@ use splitplane_core::ray::Accuracy;
 use splitplane_render::cpu::CpuRenderer;
 use splitplane_render::kernel::Kernel;
 use splitplane_render::wgpu::WgpuRenderer;
-use splitplane_render::{FrameInput, FrameStats, Outputs, Part, RenderError, RenderSettings};
+use splitplane_render::{
+    Appearance, EnvironmentMap, FrameInput, FrameStats, Outputs, Part, RenderError, RenderSettings,
+};
+use std::sync::Arc;
 use wgpu::BufferUsages as Usage;
 
 /// Renders on both sides and compares every output.
@@ -71,6 +74,22 @@ fn parts_of_pictures_have_the_bits_of_the_whole() {
     assert_eq!(pixels, cpu.pixels());
     assert_eq!(hits, cpu.first_hits());
     assert_eq!(paths, whole.paths);
+}
+
+/// What a device cannot render is refused by its type.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn environment_maps_are_refused() {
+    let mut renderer = device::renderer();
+    let both = both(sized(scenes::diffuse(), [8, 8]));
+    let map = EnvironmentMap::new(1, 1, vec![[1.0; 3]]).expect("a map");
+    let map = Arc::new(map);
+    let appearance = Appearance { environment: Some(&map), ..Appearance::default() };
+    let (plain, mut data) = (both.scene.data(), both.scene.data());
+    let mesh = both.scene.input(&plain).mesh;
+    data.describe_again(&mesh, &appearance).expect("data");
+    let refused = renderer.render(&both.device, &both.scene.input(&data));
+    assert_eq!(refused.expect_err("no maps"), RenderError::EnvironmentMapOnDevice);
 }
 
 /// Moeller and Trumbore's test may fuse, so its hits are not the CPU's to the bit.

@@ -52,7 +52,9 @@ fn parts_together_are_the_picture() {
                 let pixels = part.pixels(size);
                 let pixels = pixels.start as usize..pixels.end as usize;
                 let (own, all) = (&shot.renderer, &whole.renderer);
-                let bits = |light: &[[f32; 4]]| light.as_flattened().iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+                let bits = |light: &[[f32; 4]]| {
+                    light.as_flattened().iter().map(|x| x.to_bits()).collect::<Vec<_>>()
+                };
                 let place = format!("{:?} {part}", settings.light);
                 assert_eq!(
                     bits(&own.radiance()[pixels.clone()]),

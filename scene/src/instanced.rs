@@ -248,9 +248,9 @@ impl InstancedScene {
         placement::outside_of(&boxes::of(self), aspect, lights)
     }
 
-    /// Whether the scene brings light: lights of its own, or instances that shine.
+    /// Whether the scene brings light: lights of its own, instances that shine, or an environment map that does.
     pub fn is_lit(&self) -> bool {
-        !self.parts.lights.is_empty() || boxes::shines(self)
+        !self.parts.lights.is_empty() || self.parts.has_sky() || boxes::shines(self)
     }
 }
 

@@ -8,6 +8,8 @@ mod angle;
 pub mod animation;
 pub mod builtin;
 mod camera;
+#[cfg(feature = "environment")]
+pub mod environment;
 #[cfg(feature = "obj")]
 #[doc(hidden)]
 pub mod from_file;
@@ -40,7 +42,7 @@ pub use instanced::InstancedScene;
 pub use mesh_file::{MeshFileError, MeshFileProblem, Place};
 pub use options::{MaterialRule, SceneOptions};
 pub use placement::{Placement, View};
-pub use splitplane_render::{Dielectric, Light, Material, Texture};
+pub use splitplane_render::{Dielectric, EnvironmentMap, Light, Material, Texture};
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::mesh::{Mesh, MeshError};
@@ -49,6 +51,7 @@ use std::collections::HashMap;
 use std::ffi::OsStr;
 #[cfg(feature = "obj")]
 use std::path::Path;
+use std::sync::Arc;
 use thiserror::Error;
 
 /// Triangles with materials, and from where to look at them.
@@ -87,6 +90,9 @@ pub struct Scene {
     pub camera: Option<Camera>,
     /// Its lights, in addition to surfaces that shine; files have none, see [`Placement::of`].
     pub lights: Vec<Light>,
+    /// Light from everywhere as a picture, in place of the one that [`RenderSettings`](splitplane_render::RenderSettings) have; only scene files of many
+    /// objects have one.
+    pub environment: Option<Arc<EnvironmentMap>>,
     /// What was left out or looked odd while reading.
     pub notes: Notes,
 }
@@ -275,6 +281,7 @@ impl Scene {
             normal_indices: &self.normal_indices,
             texcoords: &self.texcoords,
             texcoord_indices: &self.texcoord_indices,
+            environment: self.environment.as_ref(),
         }
     }
 
@@ -348,12 +355,17 @@ impl Scene {
         all
     }
 
-    /// Whether the scene brings light: lights of its own, or triangles that shine.
+    /// Whether its environment is a map that shines.
+    fn has_sky(&self) -> bool {
+        self.environment.as_ref().is_some_and(|map| map.shines())
+    }
+
+    /// Whether the scene brings light: lights of its own, triangles that shine, or an environment map that does.
     pub fn is_lit(&self) -> bool {
         let shines = |material: &u32| {
             self.materials.get(*material as usize).is_some_and(|material| material.shines())
         };
-        !self.lights.is_empty() || self.material_of.iter().any(shines)
+        !self.lights.is_empty() || self.has_sky() || self.material_of.iter().any(shines)
     }
 
     /// The material of a triangle; clay where there is none.

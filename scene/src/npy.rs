@@ -140,7 +140,8 @@ impl Header {
     /// # Errors
     /// They are not, or no file has so many.
     pub fn check_length(&self, found: u64) -> Result<(), NpyError> {
-        let product = self.sides.iter().try_fold(self.width, |bytes, side| bytes.checked_mul(*side));
+        let product =
+            self.sides.iter().try_fold(self.width, |bytes, side| bytes.checked_mul(*side));
         let promised = product.ok_or(NpyError::Header)?;
         if promised == found { Ok(()) } else { Err(NpyError::Length { promised, found }) }
     }

@@ -165,7 +165,9 @@ fn forged_descriptions_are_typed_errors() {
     assert!(matches!(text("\"width\":3", "\"width\":4000000000"), PartFileError::Size(_)));
     // More than there is, and of what is there something else.
     let length = |promised, text: PartFileError| match text {
-        PartFileError::Length { promised: found, .. } => assert_eq!(found > 3_000_000_000, promised),
+        PartFileError::Length { promised: found, .. } => {
+            assert_eq!(found > 3_000_000_000, promised)
+        }
         other => panic!("{other:?}"),
     };
     length(false, text("\"width\":3", "\"width\":30"));

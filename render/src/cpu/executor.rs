@@ -107,7 +107,8 @@ impl<'a> CpuExecutor<'a> {
         // Those of the pass before make room.
         self.maps = None;
         let FrameInput { mesh, scene: data, query, .. } = self.input;
-        let scene = SceneWords { words: data.words(), frame: &self.frame };
+        let environment = data.environment();
+        let scene = SceneWords { words: data.words(), frame: &self.frame, environment };
         let (traced, plan) = (self.traced, &self.plan);
         let bounds = traced.bounds();
         let stopwatch = Stopwatch::start();
@@ -162,7 +163,8 @@ impl Executor<RayTracer> for CpuExecutor<'_> {
     fn dispatch(&mut self, kernel: Kernel) -> Result<(), RenderError> {
         let FrameInput { mesh, scene: data, query, .. } = self.input;
         let frame = &self.frame;
-        let scene = SceneWords { words: data.words(), frame };
+        let environment = data.environment();
+        let scene = SceneWords { words: data.words(), frame, environment };
         let counters = self.buffers.counters;
         let paths = counters[Counter::Paths] as usize;
         let chunks = counters[Counter::PathChunks] as usize;

@@ -1,8 +1,10 @@
 //! How a scene looks, as its owner has it.
 
+use crate::environment_map::EnvironmentMap;
 use crate::light::Light;
 use crate::material::Material;
 use crate::texture::Texture;
+use std::sync::Arc;
 use thiserror::Error;
 
 /// The appearance of a scene, borrowed. Lists of things that a scene does not have are empty; lists
@@ -25,6 +27,8 @@ pub struct Appearance<'a> {
     pub texcoords: &'a [[f32; 2]],
     /// For every triangle the texture coordinates of its corners; [`NONE`](super::NONE) for (0, 0).
     pub texcoord_indices: &'a [[u32; 3]],
+    /// Light from everywhere, in place of that of [`RenderSettings::environment`](crate::RenderSettings::environment).
+    pub environment: Option<&'a Arc<EnvironmentMap>>,
 }
 
 /// Why a scene's appearance cannot be described.

@@ -19,4 +19,6 @@ pub struct Needs {
     pub lights: u32,
     /// Triangles that shine.
     pub emitters: u32,
+    /// An environment map: on the CPU alone.
+    pub environment_map: bool,
 }

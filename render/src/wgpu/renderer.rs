@@ -142,6 +142,9 @@ impl WgpuRenderer {
         if !plan.is_direct() || settings.passes > 1 {
             return Err(RenderError::LightOnDevice);
         }
+        if scene.environment().is_some() {
+            return Err(RenderError::EnvironmentMapOnDevice);
+        }
         Ok(plan)
     }
 

@@ -162,7 +162,8 @@ impl<'a> Undecided<'a> {
 
     /// What is left of the light of a shadow ray: as the CPU's kernel has it.
     fn through_glass(&self, left: &Left) -> [f32; 4] {
-        let scene = SceneWords { words: self.input.scene.words(), frame: &self.frame };
+        let scene =
+            SceneWords { words: self.input.scene.words(), frame: &self.frame, environment: None };
         let (mut ray, mut light) = (left.ray, left.light);
         for layer in 0..=MOST_CLEAR_LAYERS {
             let hit = self.closest(&ray);

@@ -8,9 +8,10 @@ use splitplane_core::ray::QueryOptions;
 use splitplane_cpu::CpuBackend;
 use splitplane_render::cpu::CpuRenderer;
 use splitplane_render::{
-    Appearance, Environment, FrameInput, FrameStats, Light, Material, Outputs, Pinhole,
-    RenderError, RenderSettings, Room, SceneData, Size, Texture,
+    Appearance, Environment, EnvironmentMap, FrameInput, FrameStats, Light, Material, Outputs,
+    Pinhole, RenderError, RenderSettings, Room, SceneData, Size, Texture,
 };
+use std::sync::Arc;
 
 pub(crate) type Point = [f32; 3];
 
@@ -26,6 +27,7 @@ pub(crate) struct World {
     pub normal_indices: Vec<[u32; 3]>,
     pub texcoords: Vec<[f32; 2]>,
     pub texcoord_indices: Vec<[u32; 3]>,
+    pub environment: Option<Arc<EnvironmentMap>>,
 }
 
 impl World {
@@ -68,6 +70,7 @@ impl World {
             normal_indices: &self.normal_indices,
             texcoords: &self.texcoords,
             texcoord_indices: &self.texcoord_indices,
+            environment: self.environment.as_ref(),
         }
     }
 }

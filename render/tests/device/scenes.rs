@@ -83,6 +83,7 @@ impl Scene {
             normal_indices: &normal_indices,
             texcoords: &self.texcoords,
             texcoord_indices: &texcoord_indices,
+            environment: None,
         };
         run(&appearance)
     }

@@ -114,6 +114,9 @@ fn scene(file: &format::File, path: &Path, options: &SceneOptions) -> Result<Ins
     let folder = path.parent().unwrap_or(Path::new(""));
     let geometries = Geometries::read(file, &mut scene, &materials, folder, options)?;
     instances::read(file, &mut scene, &materials, &geometries)?;
+    if let Some(environment) = &file.environment {
+        read_environment(environment, &mut scene, folder, options)?;
+    }
     for (index, camera) in file.cameras.iter().enumerate() {
         let fail = |error| (vec![Step::Field("cameras"), Step::Element(index)], error);
         let up = camera.up.unwrap_or([0.0, 1.0, 0.0]);
@@ -140,6 +143,43 @@ fn scene(file: &format::File, path: &Path, options: &SceneOptions) -> Result<Ins
         });
     }
     Ok(scene)
+}
+
+/// The environment map, whose path is relative to the scene file's folder.
+#[cfg(feature = "environment")]
+fn read_environment(
+    own: &format::Environment,
+    scene: &mut InstancedScene,
+    folder: &Path,
+    options: &SceneOptions,
+) -> Result<(), At> {
+    use crate::environment::{self, EnvironmentOptions};
+    let options = EnvironmentOptions {
+        rotation_degrees: own.rotation_degrees.unwrap_or(0.0),
+        strength: own.strength.unwrap_or(1.0),
+        decode_limit: options.decode_limit,
+        file_limit: options.file_limit,
+    };
+    let path = folder.join(&own.file);
+    let read = environment::read(&path, &options).map_err(|error| {
+        let field =
+            if own.strength.is_some() && error.is_of_strength() { "strength" } else { "file" };
+        (vec![Step::Field("environment"), Step::Field(field)], error.into())
+    })?;
+    scene.parts.notes.warnings.extend(read.note(&path));
+    scene.parts.environment = Some(std::sync::Arc::new(read.map));
+    Ok(())
+}
+
+#[cfg(not(feature = "environment"))]
+fn read_environment(
+    _own: &format::Environment,
+    _scene: &mut InstancedScene,
+    _folder: &Path,
+    _options: &SceneOptions,
+) -> Result<(), At> {
+    let problem = SceneFileProblem::Wrong("this build reads no environment maps");
+    Err((vec![Step::Field("environment")], problem))
 }
 
 /// The materials, and their numbers by name.

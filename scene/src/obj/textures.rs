@@ -245,6 +245,10 @@ impl Picture {
         limits.max_image_width = Some(MAX_SIDE);
         limits.max_image_height = Some(MAX_SIDE);
         limits.max_alloc = Some(limit);
+        // Which features others ask of the decoders' crate decides nothing here.
+        if let Some(ImageFormat::Hdr | ImageFormat::OpenExr) = format {
+            return Err("pictures of linear light are no textures".to_owned().into());
+        }
         let mut reader = ImageReader::new(source);
         if let Some(format) = format {
             reader.set_format(format);

@@ -1,4 +1,4 @@
-//! Raw frames: a description and the numbers beside it, that fit together or do not.
+//! Frames as numbers: raw, with a description beside them, or as an array of NumPy, that fit together or do not.
 
 use crate::folder;
 use crate::source::Source;
@@ -28,7 +28,9 @@ pub fn run(data: &[u8]) {
         _ => {}
     }
     let bin = folder::write("some.frames.bin", &bytes);
-    let named = source.pick(&["some.frames.bin", "some.frames.json", "some.frames"]);
+    let named =
+        source.pick(&["some.frames.bin", "some.frames.json", "some.frames", "some.frames.npy"]);
+    let array = named.ends_with("npy").then(|| array(&mut source, frames, &bytes));
     let scene = scene.to_string_lossy().into_owned();
     let opened =
         Animation::open(&scene, Some(&bin.with_file_name(named)), &SceneOptions::default());
@@ -36,7 +38,20 @@ pub fn run(data: &[u8]) {
         Ok(opened) => opened,
         Err(error) => return refused(&error),
     };
-    assert_eq!(bytes.len(), frames * VERTICES * 12, "{description}");
+    let numbers: Vec<f32> = match array {
+        // Any numbers may stand there now.
+        Some(Array::Changed) => {
+            (0..animation.frames().min(5)).for_each(|frame| drop(animation.set(frame, &mut scene)));
+            return;
+        }
+        Some(Array::Wrong) => panic!("an array with a wrong head is read"),
+        Some(Array::Wide) => numbers.iter().map(|x| f64::from(*x) as f32).collect(),
+        Some(Array::Narrow) => numbers,
+        None => {
+            assert_eq!(bytes.len(), frames * VERTICES * 12, "{description}");
+            numbers
+        }
+    };
     assert_eq!(animation.frames(), frames);
     for _ in 0..3 {
         let frame = source.below(frames + 1);
@@ -56,6 +71,54 @@ pub fn run(data: &[u8]) {
     }
 }
 
+/// What an array of frames is like.
+enum Array {
+    Narrow,
+    /// Of f64.
+    Wide,
+    /// Its bytes were changed; it may be good or not.
+    Changed,
+    Wrong,
+}
+
+/// Writes the frames as an array, of f32 or of f64.
+fn array(source: &mut Source<'_>, frames: usize, bytes: &[u8]) -> Array {
+    let wide = source.once_in(2);
+    let mut numbers = bytes.to_vec();
+    if wide {
+        let (narrow, _) = bytes.as_chunks::<4>();
+        let wider = narrow.iter().map(|x| f64::from(f32::from_le_bytes(*x)).to_le_bytes());
+        numbers = wider.flatten().collect();
+    }
+    let vertices = if source.once_in(6) { source.count() } else { VERTICES as u32 };
+    let (kind, right) = match source.below(8) {
+        0 => ("'>f4'", false),
+        1 => ("'<i4'", false),
+        _ => (if wide { "'<f8'" } else { "'<f4'" }, true),
+    };
+    let (order, in_rows) = if source.once_in(8) { ("True", false) } else { ("False", true) };
+    let (last, three) =
+        source.pick(&[("3", true), ("3", true), ("3,", true), ("4", false), ("3, 1", false)]);
+    let text = format!(
+        "{{'descr': {kind}, 'fortran_order': {order}, 'shape': ({frames}, {vertices}, {last}), }}\n"
+    );
+    let mut file = b"\x93NUMPY\x02\x00".to_vec();
+    file.extend((text.len() as u32).to_le_bytes());
+    file.extend(text.bytes());
+    file.extend(&numbers);
+    let changed = source.once_in(6) && crate::change(source, &mut file);
+    folder::write("some.frames.npy", &file);
+    let each = if wide { 24 } else { 12 };
+    let whole = numbers.len() == frames * VERTICES * each && frames > 0;
+    let right = right && in_rows && three && whole && vertices as usize == VERTICES;
+    match (changed, right, wide) {
+        (true, ..) => Array::Changed,
+        (_, false, _) => Array::Wrong,
+        (.., true) => Array::Wide,
+        _ => Array::Narrow,
+    }
+}
+
 fn refused(error: &AnimationError) {
     let message = error.to_string();
     crate::check_message(&message, "some.frames");
@@ -65,6 +128,7 @@ fn refused(error: &AnimationError) {
             | AnimationError::Camera { .. }
             | AnimationError::WrongSize { .. }
             | AnimationError::VertexCount { .. }
+            | AnimationError::Array { .. }
             | AnimationError::NotFrames(_)
             | AnimationError::Unreadable { .. }
     );

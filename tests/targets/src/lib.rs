@@ -15,6 +15,7 @@ pub mod build_tree;
 mod folder;
 pub mod gltf;
 pub mod obj;
+pub mod picture_part;
 pub mod ply;
 pub mod ray_file;
 pub mod scene_file;
@@ -29,12 +30,13 @@ pub type Target = fn(&[u8]);
 
 /// All targets by their names, which are those of the programs in `fuzz/fuzz_targets` and of the
 /// folders in `tests/corpus`.
-pub const ALL: [(&str, Target); 12] = [
+pub const ALL: [(&str, Target); 13] = [
     ("animation", animation::run),
     ("arguments", arguments::run),
     ("build_tree", build_tree::run),
     ("gltf", gltf::run),
     ("obj", obj::run),
+    ("picture_part", picture_part::run),
     ("ply", ply::run),
     ("ray_file", ray_file::run),
     ("scene_file", scene_file::run),

@@ -4,6 +4,7 @@
 //! nor overflow, whatever the scene's size.
 
 use crate::environment;
+use crate::environment_map::MapSample;
 use crate::layout::Path;
 use crate::lighting::shining_point;
 use crate::random::{pair, photon_key, unit, words};
@@ -108,9 +109,15 @@ impl Sources {
             powers.push((Kind::Triangles, sum(scaled(power, of_area))));
         }
         if frame.sky_samples > 0 {
-            let twice = scaled(frame.horizon, 2.0);
-            let mean = scaled(add(twice, add(frame.zenith, frame.nadir)), 0.25);
-            powers.push((Kind::Environment, sum(scaled(mean, (4.0 * PI) * ball.shadow()))));
+            let power = match scene.environment {
+                Some(map) => scaled(map.total(), ball.shadow()),
+                None => {
+                    let twice = scaled(frame.horizon, 2.0);
+                    let mean = scaled(add(twice, add(frame.zenith, frame.nadir)), 0.25);
+                    scaled(mean, (4.0 * PI) * ball.shadow())
+                }
+            };
+            powers.push((Kind::Environment, sum(power)));
         }
         powers.retain(|(_, power)| *power > 0.0 && power.is_finite());
         let total: f64 = powers.iter().map(|(_, power)| power).sum();
@@ -196,9 +203,15 @@ pub(crate) fn emit(
             let power = scaled(scaled(area.radiance, 2.0 * PI), of_area);
             (add(area.point, scaled(normal, area.offset)), direction, power)
         }
+        Kind::Environment if scene.environment.is_some() => {
+            let MapSample { direction, radiance, density } =
+                environment::sample(scene, words(key(DIRECTION), photon - first))?;
+            let power = scaled(scaled(radiance, 1.0 / density), ball.shadow());
+            (ball.start(direction, numbers(PLACE)), negated(direction), power)
+        }
         Kind::Environment => {
             let towards = normalized(cap(numbers(DIRECTION), 2.0));
-            let power = scaled(environment::radiance(frame, towards), (4.0 * PI) * ball.shadow());
+            let power = scaled(environment::radiance(scene, towards), (4.0 * PI) * ball.shadow());
             (ball.start(towards, numbers(PLACE)), negated(towards), power)
         }
     };

@@ -98,6 +98,10 @@ pub enum SceneFileProblem {
     /// A geometry's file.
     #[error(transparent)]
     Obj(#[from] ObjError),
+    /// An environment map.
+    #[cfg(feature = "environment")]
+    #[error(transparent)]
+    Environment(#[from] crate::environment::EnvironmentError),
     /// A geometry's arrays.
     #[error(transparent)]
     Mesh(#[from] MeshError),
@@ -112,6 +116,10 @@ pub enum SceneFileProblem {
 impl SceneFileProblem {
     /// Whether a limit binds, not the file.
     pub fn is_limit(&self) -> bool {
+        #[cfg(feature = "environment")]
+        if let SceneFileProblem::Environment(error) = self {
+            return error.problem.is_limit();
+        }
         matches!(self, SceneFileProblem::Limit(_) | SceneFileProblem::TooMany { .. })
     }
 }

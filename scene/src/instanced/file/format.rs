@@ -20,6 +20,7 @@ pub(super) struct File {
     pub(super) cameras: Vec<Camera>,
     #[serde(default)]
     pub(super) lights: Vec<Light>,
+    pub(super) environment: Option<Environment>,
 }
 
 fn one() -> u32 {
@@ -183,6 +184,17 @@ pub(super) struct Sun {
     pub(super) irradiance: [f32; 3],
 }
 
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(not(feature = "environment"), allow(dead_code, reason = "it is refused"))]
+pub(super) struct Environment {
+    pub(super) file: String,
+    #[serde(default, deserialize_with = "finite")]
+    pub(super) rotation_degrees: Option<f32>,
+    #[serde(default, deserialize_with = "strength")]
+    pub(super) strength: Option<f32>,
+}
+
 /// Numbers that fields consist of.
 trait Numbers {
     fn all(&self, is_good: fn(f64) -> bool) -> bool;
@@ -249,6 +261,10 @@ fn parts<'de, D: Deserializer<'de>>(from: D) -> Result<Option<[f32; 3]>, D::Erro
 
 fn roughness<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f32>, D::Error> {
     checked(from, |x| (0.0..=1.0).contains(&x), "a roughness is from 0 to 1").map(Some)
+}
+
+fn strength<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f32>, D::Error> {
+    checked(from, |x| (0.0..=1e12).contains(&x), "a strength is from 0 to 1e12").map(Some)
 }
 
 fn not_negative<'de, D: Deserializer<'de>>(from: D) -> Result<Option<[f32; 3]>, D::Error> {
