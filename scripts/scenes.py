@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
-"""Five scenes that nothing here was tuned on, as .obj files: python3 scripts/scenes.py FOLDER
+"""Six scenes that nothing here was tuned on, as .obj files: python3 scripts/scenes.py FOLDER
 
 crowd      two boxes, every triangle split at its edges' midpoints four times: crowds of coplanar triangles
 terrain    a height field of 11 km with a sphere of 11 cm on it that has half of all triangles
 degenerate a soup of which every sixth triangle has no area
 prisms     long thin prisms in all directions
 noise      a sphere whose vertices are moved in and out at random
+exploded   a sphere whose 27,000 triangles have flown apart and turned
 """
 
 import math
@@ -151,6 +152,24 @@ def prisms(chance):
     return vertices, triangles
 
 
+def exploded(chance):
+    vertices, triangles = sphere(165, 83, lambda: 10)
+    pieces = []
+    for triangle in triangles:
+        corners = [vertices[i] for i in triangle]
+        centre = [sum(corner[axis] for corner in corners) / 3 for axis in range(3)]
+        # Most stay near, some fly far, and all turn about an axis of the box.
+        flight, angle, axis = 1 + 1.5 * chance.random() ** 3, chance.uniform(0, 2 * math.pi), chance.randrange(3)
+        other, third = (axis + 1) % 3, (axis + 2) % 3
+        for corner in corners:
+            off = [corner[i] - centre[i] for i in range(3)]
+            turned = list(off)
+            turned[other] = off[other] * math.cos(angle) - off[third] * math.sin(angle)
+            turned[third] = off[other] * math.sin(angle) + off[third] * math.cos(angle)
+            pieces.append([flight * centre[i] + turned[i] for i in range(3)])
+    return pieces, [(i, i + 1, i + 2) for i in range(0, len(pieces), 3)]
+
+
 def main():
     if len(sys.argv) != 2:
         sys.exit(__doc__)
@@ -162,6 +181,8 @@ def main():
     write(folder, "degenerate", *degenerate(chance))
     write(folder, "prisms", *prisms(chance))
     write(folder, "noise", *sphere(300, 150, lambda: 10 + chance.uniform(-0.5, 0.5)))
+    # With numbers of its own, so that the scenes above stay what they are.
+    write(folder, "exploded", *exploded(random.Random(27)))
 
 
 if __name__ == "__main__":

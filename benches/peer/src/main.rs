@@ -14,12 +14,13 @@
 //!
 //! On both backends a batch is handed over whole, since chunks of some thousand rays fill no GPU. The
 //! GPU's times are from host memory to host memory; its builds end with a copy of the tree on the host.
-//! A sixth argument, `instances` or `knn`, asks for the harness's task of that name: see `instances.rs`, `knn.rs`.
+//! A sixth argument, `instances`, `near` or `knn`, asks for the harness's task of that name: see the file of that name.
 //! `PEERS_CLOCK=cpu` in the environment asks for CPU time in place of the time that passes.
 
 mod clock;
 mod instances;
 mod knn;
+mod near;
 
 use clock::Clock;
 use std::path::Path;
@@ -182,9 +183,10 @@ fn main() {
         [five @ .., task] if five.len() == 5 => (five, Some(task.as_str())),
         all => (all, None),
     };
-    let ([name, dir, threads, reps, prefix], None | Some("instances" | "knn")) = (arguments, task)
+    let ([name, dir, threads, reps, prefix], None | Some("instances" | "near" | "knn")) =
+        (arguments, task)
     else {
-        eprintln!("usage: splitplane-peer NAME DIR THREADS REPS PREFIX [instances|knn]");
+        eprintln!("usage: splitplane-peer NAME DIR THREADS REPS PREFIX [instances|near|knn]");
         std::process::exit(2);
     };
     match measure(name, Path::new(dir), threads, reps, (prefix, task)) {
@@ -218,6 +220,9 @@ fn measure(
         .map_err(|error| error.to_string())?;
     let backend = Side::open(&plan)?;
     let options = BuildOptions { layout: plan.layout, ..BuildOptions::from(plan.config) };
+    if task == Some("near") {
+        return near::measure((&plan, &backend, clock), &pool, &mesh, dir, (reps, prefix));
+    }
     if task.is_some() {
         let (plan, pool) = (&plan, &pool);
         let backend: &dyn Backend = match &backend {

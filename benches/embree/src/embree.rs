@@ -1,0 +1,209 @@
+//! Embree 4 through its C interface, opened when the program runs: it builds without it. Declarations follow
+//! Embree's documentation.
+
+use std::ffi::{CString, c_char, c_void};
+use std::path::Path;
+
+use libloading::Library;
+use splitplane_core::ray::Ray;
+
+type Handle = *mut c_void;
+type Release = unsafe extern "C" fn(Handle);
+/// `rtcIntersect1` and `rtcOccluded1` differ in what the second argument points to; the latter reads the ray alone.
+type Query = unsafe extern "C" fn(Handle, *mut RayHit, *mut Arguments);
+
+/// `RTCRayHit`.
+#[repr(C, align(16))]
+struct RayHit {
+    origin: [f32; 3],
+    t_near: f32,
+    direction: [f32; 3],
+    time: f32,
+    t_far: f32,
+    mask: u32,
+    id: u32,
+    flags: u32,
+    normal: [f32; 3],
+    uv: [f32; 2],
+    triangle: u32,
+    geometry: u32,
+    /// Instance fields, of which later versions have two.
+    instance: [u32; 9],
+}
+
+/// `RTCIntersectArguments` and `RTCOccludedArguments`: flags, features, and pointers that may be null.
+#[repr(C, align(8))]
+struct Arguments {
+    flags: u32,
+    features: u32,
+    pointers: [usize; 6],
+}
+
+/// The scene's triangles in Embree, medium quality.
+pub(crate) struct Embree {
+    scene: Handle,
+    device: Handle,
+    intersect: Query,
+    occluded: Query,
+    release_scene: Release,
+    release_device: Release,
+    pub version: String,
+}
+
+/// Numbers of Embree's enumerations.
+const VERSION: u32 = 0;
+const NATIVE_RAY8: u32 = 33;
+const NATIVE_RAY16: u32 = 34;
+const INDEX_BUFFER: u32 = 0;
+const VERTEX_BUFFER: u32 = 1;
+const UINT3: u32 = 0x5003;
+const FLOAT3: u32 = 0x9003;
+const TRIANGLES: u32 = 0;
+const NONE: u32 = u32::MAX;
+
+impl Embree {
+    /// Builds with one thread. `isa` holds Embree to an instruction set, such as `avx2`.
+    ///
+    /// # Errors
+    /// Where there is no such library, or it refuses.
+    pub(crate) fn build(
+        library: &Path,
+        isa: Option<&str>,
+        vertices: &[[f32; 3]],
+        triangles: &[[u32; 3]],
+    ) -> Result<Embree, String> {
+        // SAFETY: the user names the library; it is Embree if it has these functions, which are declared as
+        // Embree's headers declare them. It stays open: its threads may outlive a scene.
+        unsafe {
+            let failed = |error: libloading::Error| format!("{}: {error}", library.display());
+            let library: &'static Library =
+                Box::leak(Box::new(Library::new(library).map_err(failed)?));
+            macro_rules! function {
+                ($name:literal: $($kind:tt)*) => {
+                    *library.get::<$($kind)*>($name).map_err(failed)?
+                };
+            }
+            let new_device =
+                function!(b"rtcNewDevice\0": unsafe extern "C" fn(*const c_char) -> Handle);
+            let property =
+                function!(b"rtcGetDeviceProperty\0": unsafe extern "C" fn(Handle, u32) -> isize);
+            let error = function!(b"rtcGetDeviceError\0": unsafe extern "C" fn(Handle) -> u32);
+            let new_scene = function!(b"rtcNewScene\0": unsafe extern "C" fn(Handle) -> Handle);
+            let new_geometry =
+                function!(b"rtcNewGeometry\0": unsafe extern "C" fn(Handle, u32) -> Handle);
+            let new_buffer = function!(b"rtcSetNewGeometryBuffer\0": unsafe extern "C" fn(Handle, u32, u32, u32, usize, usize) -> *mut c_void);
+            let commit_geometry = function!(b"rtcCommitGeometry\0": Release);
+            let attach =
+                function!(b"rtcAttachGeometry\0": unsafe extern "C" fn(Handle, Handle) -> u32);
+            let release_geometry = function!(b"rtcReleaseGeometry\0": Release);
+            let commit_scene = function!(b"rtcCommitScene\0": Release);
+            let isa_is = isa.map_or(String::new(), |isa| format!(",isa={isa}"));
+            let config = CString::new(format!("threads=1,user_threads=0{isa_is}"))
+                .map_err(|error| error.to_string())?;
+            let device = new_device(config.as_ptr());
+            if device.is_null() {
+                return Err("rtcNewDevice failed".into());
+            }
+            let native = (property(device, NATIVE_RAY8), property(device, NATIVE_RAY16));
+            if isa == Some("avx2") && native != (1, 0) {
+                return Err("Embree was not held to AVX2".into());
+            }
+            let version = property(device, VERSION);
+            let scene = new_scene(device);
+            let geometry = new_geometry(device, TRIANGLES);
+            let to = new_buffer(geometry, VERTEX_BUFFER, 0, FLOAT3, 12, vertices.len());
+            let named = new_buffer(geometry, INDEX_BUFFER, 0, UINT3, 12, triangles.len());
+            if to.is_null() || named.is_null() {
+                return Err(format!("no buffer: Embree's error {}", error(device)));
+            }
+            to.cast::<[f32; 3]>().copy_from_nonoverlapping(vertices.as_ptr(), vertices.len());
+            named.cast::<[u32; 3]>().copy_from_nonoverlapping(triangles.as_ptr(), triangles.len());
+            commit_geometry(geometry);
+            attach(scene, geometry);
+            release_geometry(geometry);
+            commit_scene(scene);
+            match error(device) {
+                0 => {}
+                code => return Err(format!("Embree's error {code}")),
+            }
+            Ok(Embree {
+                scene,
+                device,
+                intersect: function!(b"rtcIntersect1\0": Query),
+                occluded: function!(b"rtcOccluded1\0": Query),
+                release_scene: function!(b"rtcReleaseScene\0": Release),
+                release_device: function!(b"rtcReleaseDevice\0": Release),
+                version: format!("{}.{}.{}", version / 10000, version / 100 % 100, version % 100),
+            })
+        }
+    }
+
+    /// Distance (infinity for none) and triangle of each ray's closest hit.
+    pub(crate) fn closest(&self, rays: &[Ray], hits: &mut [(f32, u32)]) {
+        self.ask(self.intersect, rays, |place, ray| {
+            let missed = ray.geometry == NONE;
+            hits[place] = if missed { (f32::INFINITY, NONE) } else { (ray.t_far, ray.triangle) };
+        });
+    }
+
+    /// Whether each ray hits anything.
+    pub(crate) fn any(&self, rays: &[Ray], hits: &mut [bool]) {
+        // Minus infinity says that there is something.
+        self.ask(self.occluded, rays, |place, ray| hits[place] = ray.t_far < 0.0);
+    }
+
+    fn ask(&self, query: Query, rays: &[Ray], mut answer: impl FnMut(usize, &RayHit)) {
+        let mut arguments = Arguments { flags: 0, features: u32::MAX, pointers: [0; 6] };
+        flushing(|| {
+            for (place, ray) in rays.iter().enumerate() {
+                let mut asked = RayHit {
+                    origin: ray.origin,
+                    t_near: ray.t_min,
+                    direction: ray.direction,
+                    time: 0.0,
+                    t_far: ray.t_max,
+                    mask: u32::MAX,
+                    id: 0,
+                    flags: 0,
+                    normal: [0.0; 3],
+                    uv: [0.0; 2],
+                    triangle: NONE,
+                    geometry: NONE,
+                    instance: [NONE; 9],
+                };
+                // SAFETY: a committed scene, and structures as Embree reads and writes them.
+                unsafe { query(self.scene, &mut asked, &mut arguments) };
+                answer(place, &asked);
+            }
+        });
+    }
+}
+
+impl Drop for Embree {
+    fn drop(&mut self) {
+        // SAFETY: both were made by `build` and are released once.
+        unsafe {
+            (self.release_scene)(self.scene);
+            (self.release_device)(self.device);
+        }
+    }
+}
+
+/// Embree asks its callers to have subnormal numbers flushed.
+fn flushing(work: impl FnOnce()) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        let mut before = 0u32;
+        // SAFETY: only the two bits for subnormal numbers change, and they are put back.
+        unsafe {
+            std::arch::asm!("stmxcsr [{}]", in(reg) &raw mut before);
+            let flushed = before | 0x8040;
+            std::arch::asm!("ldmxcsr [{}]", in(reg) &raw const flushed);
+        }
+        work();
+        // SAFETY: as above.
+        unsafe { std::arch::asm!("ldmxcsr [{}]", in(reg) &raw const before) };
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    work();
+}

@@ -1,0 +1,258 @@
+//! The four sets of rays, by the rules of the harness that `scripts/measure_peers.sh` starts: in `f64` by
+//! + - * / and roots, rounded once.
+
+use splitplane_core::aabb::Aabb;
+use splitplane_core::backend::Accelerator;
+use splitplane_core::error::QueryError;
+use splitplane_core::mesh::Mesh;
+use splitplane_core::ray::{Hit, QueryOptions, Ray};
+
+pub(crate) const SETS: [&str; 4] = ["primary", "shadow", "bounce", "chords"];
+/// Pixels on a side, and the root of the number of chords.
+const SIDE: usize = 1024;
+const FAR: f32 = 1e30;
+type Vector = [f64; 3];
+
+/// Camera and light.
+struct View {
+    eye: Vector,
+    forward: Vector,
+    half: f64,
+    light: Vector,
+    centre: Vector,
+    diagonal: f64,
+}
+
+/// The sets, in the order of [`SETS`]. `interior` says that the camera stands within the scene.
+///
+/// # Errors
+/// Where a query fails.
+pub(crate) fn sets(
+    mesh: &Mesh<'_>,
+    bounds: &Aabb,
+    tree: &dyn Accelerator,
+    interior: bool,
+) -> Result<[Vec<Ray>; 4], QueryError> {
+    let seen = |rays: &[Ray]| {
+        let mut hits = vec![Hit::MISS; rays.len()];
+        tree.closest_hits(rays, &mut hits, &QueryOptions::default()).map(|_| hits)
+    };
+    let (lo, hi) = (wide(bounds.lo), wide(bounds.hi));
+    let (centre, size) = (scaled(add(lo, hi), 0.5), sub(hi, lo));
+    let diagonal = dot(size, size).sqrt();
+    let eye = add(centre, scaled(unit([0.6, 0.35, 0.72]), 1.2 * diagonal));
+    let mut view = View {
+        eye,
+        forward: unit(sub(centre, eye)),
+        half: 0.414_213_562_373_095_03,
+        light: add(centre, scaled([0.3, 0.9, 0.4], diagonal)),
+        centre,
+        diagonal,
+    };
+    if interior {
+        view.move_inside(mesh, lo, size, seen)?;
+    }
+    let primary = view.primary(SIDE);
+    let [shadow, bounce] = view.secondary(mesh, &primary, &seen(&primary)?);
+    Ok([primary, shadow, bounce, view.chords()])
+}
+
+impl View {
+    /// The first place that sees some way and some detail, and the first light that reaches a fair part of it.
+    fn move_inside(
+        &mut self,
+        mesh: &Mesh<'_>,
+        lo: Vector,
+        size: Vector,
+        seen: impl Fn(&[Ray]) -> Result<Vec<Hit>, QueryError>,
+    ) -> Result<(), QueryError> {
+        let middle = [self.centre[0], lo[1] + 0.4 * size[1], self.centre[2]];
+        (self.eye, self.forward, self.half) = (middle, [1.0, 0.0, 0.0], 0.767_326_987_978_960_2);
+        let places = [0.5, 0.45, 0.55, 0.4, 0.6, 0.35, 0.65, 0.3, 0.7, 0.25, 0.75, 0.2, 0.8];
+        let first = (self.eye, self.forward);
+        let ways = [(0, 1.0), (0, -1.0), (2, 1.0), (2, -1.0)];
+        let tries = ways.into_iter().flat_map(|way| places.map(|place| (way, place)));
+        let mut found = false;
+        for ((axis, sign), place) in tries {
+            (self.eye, self.forward) = (middle, [0.0; 3]);
+            self.eye[axis] = lo[axis] + place * size[axis];
+            self.forward[axis] = sign;
+            let hits = seen(&self.primary(64))?;
+            let mut t: Vec<f32> = hits.iter().map(|hit| hit.t).collect();
+            t.sort_by(f32::total_cmp);
+            let mut triangles: Vec<u32> = hits.iter().map(|hit| hit.triangle).collect();
+            triangles.sort_unstable();
+            triangles.dedup();
+            let far = f64::from(t[t.len() / 2]);
+            found = (0.1 * self.diagonal..f64::INFINITY).contains(&far) && triangles.len() >= 300;
+            if found {
+                break;
+            }
+        }
+        if !found {
+            (self.eye, self.forward) = first;
+        }
+        let rays = self.primary(64);
+        let hits = seen(&rays)?;
+        self.light = [self.eye[0], lo[1] + 0.85 * size[1], self.eye[2]];
+        for step in 0..12 {
+            let (height, before) = (0.85 - 0.05 * f64::from(step), self.light);
+            self.light[1] = lo[1] + height * size[1];
+            let [shadow, _] = self.secondary(mesh, &rays, &hits);
+            let dark = seen(&shadow)?.iter().filter(|hit| hit.is_hit()).count();
+            if dark as f64 <= 0.75 * shadow.len() as f64 {
+                break;
+            }
+            self.light = before;
+        }
+        Ok(())
+    }
+
+    fn primary(&self, side: usize) -> Vec<Ray> {
+        let right = unit(cross(self.forward, [0.0, 1.0, 0.0]));
+        let up = cross(right, self.forward);
+        let of = |pixel: usize| {
+            let at = |i: usize| 2.0 * (i as f64 + 0.5) / side as f64 - 1.0;
+            let (x, y) = (at(pixel % side) * self.half, -at(pixel / side) * self.half);
+            let along = unit(add(self.forward, add(scaled(right, x), scaled(up, y))));
+            narrow(self.eye, along).with_limits(0.0, FAR)
+        };
+        (0..side * side).map(of).collect()
+    }
+
+    /// From what rays hit, moved off it: to the light, and off the surface, cosine-weighted.
+    fn secondary(&self, mesh: &Mesh<'_>, rays: &[Ray], hits: &[Hit]) -> [Vec<Ray>; 2] {
+        let (mut shadow, mut bounce) = (Vec::new(), Vec::new());
+        for (number, (ray, hit)) in rays.iter().zip(hits).enumerate() {
+            if !hit.is_hit() {
+                continue;
+            }
+            let [a, b, c] = mesh.triangle(hit.triangle as usize);
+            let [a, b, c] = [wide(a), wide(b), wide(c)];
+            let mut normal = unit(cross(sub(b, a), sub(c, a)));
+            let along = wide(ray.direction);
+            if dot(normal, along) > 0.0 {
+                normal = scaled(normal, -1.0);
+            }
+            let point = add(wide(ray.origin), scaled(along, f64::from(hit.t)));
+            let start = add(point, scaled(normal, 1e-4 * self.diagonal)).map(|x| x as f32);
+            let to_light = sub(self.light, wide(start));
+            let distance = dot(to_light, to_light).sqrt();
+            let towards = narrow(wide(start), scaled(to_light, 1.0 / distance));
+            shadow.push(towards.with_limits(0.0, (distance * 0.9999) as f32));
+            let (x, y) = Random::new(42, number as u64).in_disk();
+            let z = (1.0 - x * x - y * y).max(1e-6).sqrt();
+            let leans = |axis: &usize| normal[*axis].abs();
+            let least = (0..3).min_by(|i, j| leans(i).total_cmp(&leans(j))).unwrap_or(0);
+            let mut axis = [0.0; 3];
+            axis[least] = 1.0;
+            let tangent = unit(cross(normal, axis));
+            let other = cross(normal, tangent);
+            let off = add(scaled(normal, z), add(scaled(tangent, x), scaled(other, y)));
+            bounce.push(narrow(wide(start), unit(off)).with_limits(0.0, FAR));
+        }
+        [shadow, bounce]
+    }
+
+    /// Between two points of the sphere about the scene.
+    fn chords(&self) -> Vec<Ray> {
+        let of = |number: usize| {
+            let mut random = Random::new(43, number as u64);
+            let mut point = || add(self.centre, scaled(random.on_sphere(), 0.5 * self.diagonal));
+            let (a, b) = (point(), point());
+            narrow(a, unit(sub(b, a))).with_limits(0.0, FAR)
+        };
+        (0..SIDE * SIDE).map(of).collect()
+    }
+}
+
+/// PCG-XSH-RR 64/32, a stream for each ray.
+struct Random {
+    state: u64,
+    step: u64,
+}
+
+impl Random {
+    fn new(seed: u64, stream: u64) -> Random {
+        let mut random = Random { state: 0, step: stream << 1 | 1 };
+        random.next();
+        random.state = random.state.wrapping_add(seed);
+        random.next();
+        random
+    }
+
+    fn next(&mut self) -> u32 {
+        let state = self.state;
+        self.state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(self.step);
+        ((((state >> 18) ^ state) >> 27) as u32).rotate_right((state >> 59) as u32)
+    }
+
+    /// From -1 to 1.
+    fn signed(&mut self) -> f64 {
+        f64::from(self.next() >> 8) * (1.0 / 8_388_608.0) - 1.0
+    }
+
+    fn on_sphere(&mut self) -> Vector {
+        loop {
+            let point = [self.signed(), self.signed(), self.signed()];
+            let square = dot(point, point);
+            if square > 1e-4 && square <= 1.0 {
+                return scaled(point, 1.0 / square.sqrt());
+            }
+        }
+    }
+
+    fn in_disk(&mut self) -> (f64, f64) {
+        loop {
+            let (x, y) = (self.signed(), self.signed());
+            if x * x + y * y <= 1.0 {
+                return (x, y);
+            }
+        }
+    }
+}
+
+fn narrow(origin: Vector, direction: Vector) -> Ray {
+    Ray::new(origin.map(|x| x as f32), direction.map(|x| x as f32))
+}
+
+fn wide(v: [f32; 3]) -> Vector {
+    v.map(f64::from)
+}
+
+fn add(a: Vector, b: Vector) -> Vector {
+    std::array::from_fn(|i| a[i] + b[i])
+}
+
+fn sub(a: Vector, b: Vector) -> Vector {
+    std::array::from_fn(|i| a[i] - b[i])
+}
+
+fn scaled(v: Vector, by: f64) -> Vector {
+    v.map(|x| x * by)
+}
+
+fn dot(a: Vector, b: Vector) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn cross(a: Vector, b: Vector) -> Vector {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn unit(v: Vector) -> Vector {
+    scaled(v, 1.0 / dot(v, v).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The first numbers of the published demonstration, seed 42 and sequence 54.
+    #[test]
+    fn random_numbers_are_the_published_ones() {
+        let mut random = Random::new(42, 54);
+        let drawn: [u32; 4] = std::array::from_fn(|_| random.next());
+        assert_eq!(drawn, [0xa15c_02b7, 0x7b47_f409, 0xba1d_3330, 0x83d2_f293]);
+    }
+}
