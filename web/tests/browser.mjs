@@ -150,6 +150,15 @@ try {
         await page.screenshot({ path: path.join(shots, "spheres.png"), fullPage: true });
     });
 
+    await step("without WebGPU the page says so, and goes on", async () => {
+        await page.check('input[name="backend"][value="gpu"]');
+        await page.waitForFunction(() => window.onGpu?.state === "failed");
+        assert.match(await page.textContent("#gpu"), /^No tree by the GPU: .*WebGPU.* The CPU does the work\.$/);
+        await page.check('input[name="backend"][value="cpu"]');
+        assert.equal(await page.textContent("#gpu"), "");
+        assert.equal(await page.isVisible("#error"), false);
+    });
+
     await step("its content security policy holds", async () => {
         const ran = await page.evaluate(() => {
             const script = document.createElement("script");

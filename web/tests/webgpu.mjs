@@ -1,13 +1,14 @@
 // The package on WebGPU, in headless Chromium with SwiftShader: digests, hits and files equal the native ones; a lost device, work that is
-// ended, and a page in the background end in errors or answers. Usage: webgpu.mjs TOOLS
+// ended, and a page in the background end in errors or answers. Usage: webgpu.mjs TOOLS [SCREENSHOTS]
 
 import assert from "node:assert/strict";
-import { readFileSync } from "node:fs";
+import { mkdirSync, readFileSync } from "node:fs";
 import path from "node:path";
 
 import { launch, serve, step, web } from "./chromium.mjs";
 
-const [tools] = process.argv.slice(2);
+const [tools, shots = path.join(web, "target", "screenshots")] = process.argv.slice(2);
+mkdirSync(shots, { recursive: true });
 const server = await serve();
 const snapshot = (name) => readFileSync(path.join(web, "..", "tests", "snapshots", `web__${name}.snap`), "utf8").split("\n");
 const SWIFTSHADER = [
@@ -106,6 +107,24 @@ try {
     });
 
     await step("a device that is destroyed in the middle of work", async () => isLost(await run(page, "lost", "destroy")));
+    assert.deepEqual(problems, []);
+
+    await step("the demonstration page builds on both, side by side", async () => {
+        const shown = await browser.newPage({ viewport: { width: 960, height: 1000 } });
+        shown.setDefaultTimeout(900_000);
+        shown.on("pageerror", (error) => problems.push(String(error.stack ?? error)));
+        await shown.goto(`${server.root}/target/page/index.html?scene=cornell`);
+        await shown.waitForFunction(() => window.shown !== undefined || window.problem);
+        await shown.check('input[name="backend"][value="gpu"]');
+        await shown.waitForFunction(() => window.onGpu !== undefined);
+        const onGpu = await shown.evaluate(() => window.onGpu);
+        assert.equal(onGpu.state, "built", onGpu.text);
+        assert.equal(await shown.textContent("#gpu-digest"), await shown.textContent("#digest"));
+        assert.match(await shown.textContent("#gpu"), /swiftshader \(software\): equal to the CPU bit for bit.*Both trees are the same\./);
+        for (const id of ["built", "gpu-built"]) assert.match(await shown.textContent(`#${id}`), / m?s$/);
+        await shown.screenshot({ path: path.join(shots, "webgpu.png"), fullPage: true });
+        await shown.close();
+    });
     assert.deepEqual(problems, []);
 
     await step("another device is opened, and the process of the GPU ends", async () => {
