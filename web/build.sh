@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Builds the package, or the demonstration page: web/build.sh [--page] [--locked]
 #
-# The package's compiled part goes to web/pkg; the page, ready to be served, to web/target/page. scripts/web.sh setup has what this takes.
+# The package's compiled parts go to web/pkg, that for WebGPU to web/pkg/gpu; the page, ready to be served, to web/target/page. The page has
+# the package's part for WebGPU, which must be there. scripts/web.sh setup has what this takes.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")"
 page= lock=()
@@ -13,15 +14,26 @@ for argument in "$@"; do
     esac
 done
 
-out=pkg features=()
-if [ -n "$page" ]; then
-    out=target/page/pkg features=(--features page)
+# part NAME FOLDER [features]: compiles a part.
+part() {
+    local name=$1 out=$2
+    shift 2
+    ../scripts/web.sh cargo build --quiet --release "$@" ${lock[@]+"${lock[@]}"}
+    rm -rf "$out"
+    ../scripts/web.sh bindgen --target web --remove-name-section --remove-producers-section --out-dir "$out" --out-name "$name" \
+        "${CARGO_TARGET_DIR:-target}/wasm32-unknown-unknown/release/splitplane_web.wasm"
+    rm -f "$out/.gitignore" "$out/package.json"
+}
+
+if [ -z "$page" ]; then
+    part splitplane pkg
+    part splitplane_gpu pkg/gpu --features gpu
+else
+    [ -e pkg/gpu/splitplane_gpu_bg.wasm ] || { echo "build.sh: build the package first: web/build.sh" >&2 && exit 1; }
     rm -rf target/page
-    mkdir -p target/page
+    mkdir -p target/page/js
     cp page/*.html page/*.css page/*.js target/page
+    part splitplane target/page/pkg --features page
+    cp -r pkg/gpu target/page/pkg/gpu
+    cp js/*.js target/page/js
 fi
-../scripts/web.sh cargo build --quiet --release ${features[@]+"${features[@]}"} ${lock[@]+"${lock[@]}"}
-rm -rf "$out"
-../scripts/web.sh bindgen --target web --remove-name-section --remove-producers-section --out-dir "$out" --out-name splitplane \
-    "${CARGO_TARGET_DIR:-target}/wasm32-unknown-unknown/release/splitplane_web.wasm"
-rm -f "$out/.gitignore" "$out/package.json"

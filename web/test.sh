@@ -55,6 +55,11 @@ fi
 if command -v chromium >/dev/null && [ -d "$tools/node_modules/playwright-core" ]; then
     say "in a browser"
     node tests/browser.mjs "$tools"
+    say "WebGPU, by SwiftShader"
+    status=0
+    node tests/webgpu.mjs "$tools" || status=$?
+    [ "$status" != 3 ] || absent "WebGPU: this Chromium has no adapter for it"
+    [ "$status" = 0 ] || [ "$status" = 3 ] || exit "$status"
 else
     absent "in a browser: there is no Chromium with its driver; scripts/web.sh setup --browser sets them up"
 fi

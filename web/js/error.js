@@ -27,6 +27,10 @@ export const CODES = Object.freeze([
     "unknown", // no geometry or instance of this name
     "stale", // a scene that was edited and not updated
     "scene", // a scene that cannot be
+    "no-webgpu", // a browser without WebGPU, or without an adapter for it
+    "device-lost", // the GPU's device is gone; open another one, or go on with the CPU
+    "timed-out", // the GPU, or its driver, takes longer than it may
+    "device", // something else that the GPU cannot do
     "build",
     "query",
     "crashed", // the module has ended; load the page, or start the worker, anew

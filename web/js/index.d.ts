@@ -9,7 +9,7 @@
 /** What kind of error it is; `CODES` lists them with their meanings. */
 export type Code =
     | "not-ready" | "type" | "shape" | "config" | "mesh" | "freed" | "cancelled" | "out-of-memory" | "wrong-mesh"
-    | "file" | "unknown" | "stale" | "scene" | "build" | "query" | "crashed";
+    | "file" | "unknown" | "stale" | "scene" | "no-webgpu" | "device-lost" | "timed-out" | "device" | "build" | "query" | "crashed";
 
 /** Every error that the package throws by itself. `message` is the library's text; after an abort `cause` is the signal's reason. */
 export class SplitplaneError extends Error {
@@ -185,6 +185,92 @@ export class Tree {
     closestPointsAsync(points: Floats, options?: ClosestPointOptions): Promise<ClosestPoints>;
     closestPointsAsync(points: Floats, options: ClosestPointOptions & Into): Promise<WasmArray>;
     free(): void;
+}
+
+/** What trees on the CPU and on a GPU have in common. Answers are equal, bit for bit, where the GPU's parity is `bitwise`. */
+export interface AnyTree {
+    readonly digest: string;
+    readonly summary: Tree["summary"];
+    readonly bounds: Tree["bounds"];
+    toBytes(positions: Floats, indices?: Indices): Uint8Array;
+    closestHitsAsync(rays: Floats, options?: QueryOptions): Promise<Hits>;
+    closestHitsAsync(rays: Floats, options: QueryOptions & Into): Promise<WasmArray>;
+    anyHitsAsync(rays: Floats, options?: QueryOptions): Promise<Uint8Array>;
+    anyHitsAsync(rays: Floats, options: QueryOptions & Into): Promise<WasmArray>;
+    free(): void;
+}
+
+export interface GpuOptions {
+    /** Seconds that opening the device, and later each wait for it, may take: a minute if left out, half an hour for software. */
+    timeout?: number;
+    /** Ends the opening with code `cancelled`, at its end. */
+    signal?: AbortSignal;
+    /** Where the compiled part for WebGPU is, if not beside the package; as for `init`. */
+    source?: Parameters<typeof init>[0];
+}
+
+/**
+ * The GPU that the browser gives to a page or worker. Nothing here keeps the event loop waiting for it. Its compiled part, with memory of its
+ * own, is loaded by the first `open`; `init` must have ended before.
+ */
+export class Gpu {
+    private constructor();
+    /**
+     * Opens the device and tests it: arithmetic, two small trees, and rays through them, against the bits of the CPU. Rejected with code
+     * `no-webgpu`, `device`, `device-lost` or `timed-out`. With `hardware` an adapter that is software is none.
+     */
+    static open(options?: GpuOptions & { hardware?: boolean }): Promise<Gpu>;
+    /** What the browser calls it; often not more than a vendor and a family. */
+    readonly adapter: string;
+    /** Whether it is software, which runs on the CPU. */
+    readonly isSoftware: boolean;
+    /** `bitwise`: trees and watertight hits are those of the CPU. */
+    readonly parity: "bitwise" | "structural";
+    /** What differs, in words, where the parity is `structural`. */
+    readonly difference: string | null;
+    /** Why the device is gone; `null` while it is there. Then open another one, or go on with the CPU. */
+    readonly lost: string | null;
+    /** Presets `fast`, `narrow` and `balanced`. `progress` and `signal` end it at any time; `layout` has no meaning here. */
+    build(positions: Floats, indices?: Indices, options?: BuildOptions): Promise<GpuTree>;
+    /** Gives the device back. Its trees keep digest, summary and `toBytes`, and answer no rays. */
+    free(): void;
+    [Symbol.dispose](): void;
+}
+
+/** A tree on a GPU, with a copy of it beside. `progress` and `signal` end queries at any time. Free it after use. */
+export class GpuTree implements AnyTree {
+    private constructor();
+    readonly digest: string;
+    readonly summary: Tree["summary"];
+    readonly bounds: Tree["bounds"];
+    /** A tree file, for `Tree.load`: also after the device was lost. */
+    toBytes(positions: Floats, indices?: Indices): Uint8Array;
+    closestHitsAsync(rays: Floats, options?: QueryOptions): Promise<Hits>;
+    closestHitsAsync(rays: Floats, options: QueryOptions & Into): Promise<WasmArray>;
+    anyHitsAsync(rays: Floats, options?: QueryOptions): Promise<Uint8Array>;
+    anyHitsAsync(rays: Floats, options: QueryOptions & Into): Promise<WasmArray>;
+    free(): void;
+    [Symbol.dispose](): void;
+}
+
+export const BACKENDS: readonly ["auto", "cpu", "gpu"];
+
+/** CPU or GPU behind one choice. */
+export class Backend {
+    private constructor();
+    /**
+     * `auto` takes a GPU that is hardware and whose parity is `bitwise`, else the CPU, and `reason` says why. `gpu` takes what the browser
+     * gives, and is rejected as `Gpu.open` is.
+     */
+    static open(name?: "auto" | "cpu" | "gpu", options?: GpuOptions): Promise<Backend>;
+    readonly name: "cpu" | "gpu";
+    /** `null` on the CPU. */
+    readonly gpu: Gpu | null;
+    readonly reason: string;
+    /** Builds a tree. Where `auto` has taken a GPU, preset `best` is built on the CPU, which alone can. */
+    build(positions: Floats, indices?: Indices, options?: BuildOptions): Promise<AnyTree>;
+    free(): void;
+    [Symbol.dispose](): void;
 }
 
 export interface SceneHits extends Hits {

@@ -2,8 +2,10 @@
 
 import { call, isReady, raw, start } from "./module.js";
 
+export { BACKENDS, Backend } from "./backend.js";
 export { ACCURACIES, CULLINGS, NONE } from "./batch.js";
 export { CODES, SplitplaneError } from "./error.js";
+export { Gpu, GpuTree } from "./gpu.js";
 export { WasmArray } from "./module.js";
 export { Scene } from "./scene.js";
 export { Tree } from "./tree.js";

@@ -192,6 +192,20 @@ export function watcher({ progress, signal }) {
                 throw error;
             }
         },
+        /** Refuses to begin what was cancelled before. */
+        begin() {
+            if (signal?.aborted) throw aborted("cancelled before it began");
+        },
+        /** Does work that gives a promise, and says who ended it. */
+        async later(work) {
+            try {
+                return await work();
+            } catch (error) {
+                if (thrown !== null) throw thrown.error;
+                if (error.code === "cancelled" && signal?.aborted) throw aborted(error.message);
+                throw error;
+            }
+        },
         /** Between two slices of a batch, in the place of the compiled part. */
         between(done, total) {
             const ends = called("rays", done, total);

@@ -4,7 +4,7 @@ import { buildOptions, limit, meshArrays } from "./mesh.js";
 import { WasmArray, call, choice, count, options, pause, raw, watcher, withArrays } from "./module.js";
 import { any, closest, column, near, oneRay, windings } from "./queries.js";
 
-const SUMMARY = ["triangles", "dropped", "snapped", "peakBytes", "queryBytes", "nodes", "references"];
+export const SUMMARY = ["triangles", "dropped", "snapped", "peakBytes", "queryBytes", "nodes", "references"];
 
 /** Builds by the compiled part's function `make`, which takes arrays of a mesh. */
 function built(positions, indices, given, make) {

@@ -79,7 +79,33 @@ function openBuiltin() {
     open({ builtin: name, name });
 }
 
+/** Has the tree built on the GPU too, or no longer. */
+function chooseBackend() {
+    const isOn = document.querySelector('input[name="backend"]:checked').value === "gpu";
+    for (const id of ["gpu-built", "gpu-digest"]) $(id).textContent = "–";
+    $("gpu").textContent = isOn ? "Looking for a GPU…" : "";
+    delete window.onGpu;
+    worker.postMessage({ do: "gpu", isOn, preset: $("preset").value });
+}
+
 const hears = {
+    /** What the GPU does. */
+    gpu({ state, text, adapter, isSoftware, parity, difference, took, first, digest }) {
+        const name = `${adapter}${isSoftware ? " (software)" : ""}`;
+        const parities = parity === "bitwise" ? "equal to the CPU bit for bit by its self-test" : `not equal to the CPU bit for bit: ${difference}`;
+        if (state === "opening") $("gpu").textContent = "Opening and testing the GPU; the first time its shaders are compiled…";
+        if (state === "building") $("gpu").textContent = `${name}: ${parities}. Building…`;
+        if (state === "built") {
+            const same = digest === last.digest ? "Both trees are the same." : "THE TREES DIFFER.";
+            $("gpu").textContent = `${name}: ${parities}. ${same}`;
+            $("gpu-built").textContent = milliseconds(took);
+            $("gpu-built").title = `the first time, with shaders compiled and memory made: ${milliseconds(first)}`;
+            $("gpu-digest").textContent = digest;
+            Object.assign(last, { gpu: { adapter, isSoftware, parity, buildMs: took, firstBuildMs: first, digest } });
+        }
+        if (state === "failed") $("gpu").textContent = `No tree by the GPU: ${text}. The CPU does the work.`;
+        if (state === "built" || state === "failed") window.onGpu = { state, text, adapter, parity, digest };
+    },
     ready({ scenes, mostBytes, version, instructionSet }) {
         about = { mostBytes, version, instructionSet };
         if ($("scene").options.length === 0) {
@@ -87,8 +113,9 @@ const hears = {
             const asked = new URLSearchParams(location.search).get("scene");
             $("scene").value = scenes.some(({ name }) => name === asked) ? asked : "gallery";
         }
-        const gpu = "gpu" in navigator ? "your browser has WebGPU, which this page does not use yet" : "without WebGPU, which your browser does not have";
-        $("by").textContent = `the CPU, one thread, ${instructionSet}; ${gpu}`;
+        if (!("gpu" in navigator)) $("gpu").textContent = "Your browser has no WebGPU here: the CPU does the work.";
+        $("by").textContent = `the CPU, one thread, ${instructionSet}`;
+        document.querySelector('input[name="backend"][value="cpu"]').checked = true;
         for (const id of ["scene", "file"]) $(id).disabled = false;
         if (opened === null) openBuiltin();
         else say("Choose another scene.");
@@ -105,6 +132,9 @@ const hears = {
     built({ preset, took, digest, nodes, references, bytes }) {
         $("built").textContent = milliseconds(took);
         $("digest").textContent = digest;
+        for (const id of ["gpu-built", "gpu-digest"]) $(id).textContent = "–";
+        delete last.gpu;
+        delete window.onGpu;
         for (const number of [0, 1, 2]) $(`time-${number}`).textContent = "";
         Object.assign(last, { preset, buildMs: took, digest, nodes, references, queryBytes: bytes });
         isReady = true;
@@ -243,7 +273,8 @@ $("samples").addEventListener("input", () => {
     $("samples").setAttribute("aria-valuetext", samples);
     draw();
 });
-for (const input of document.querySelectorAll("input[name], #lights")) input.addEventListener("change", draw);
+for (const input of document.querySelectorAll('input[name="backend"]')) input.addEventListener("change", chooseBackend);
+for (const input of document.querySelectorAll('input[name="view"], input[name="accuracy"], #lights')) input.addEventListener("change", draw);
 $("home").addEventListener("click", () => move({ home: true }));
 $("measure").addEventListener("click", () => {
     $("measure").disabled = true;

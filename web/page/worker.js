@@ -1,5 +1,7 @@
 // The work: scenes, trees and pictures, away from the page so that it stays alive.
 
+import { Gpu } from "./js/gpu.js";
+import { start } from "./js/module.js";
 import load, * as raw from "./pkg/splitplane.js";
 
 /** Sides of the squares that a pixel of each picture fills, until the last one. */
@@ -12,6 +14,10 @@ let page = null;
 /** What is to be shown; `null` when nothing is, or all is shown. */
 let wanted = null;
 let isDrawing = false;
+/** Whether trees are built on the GPU too; the device, once it is opened; what ends a build there. */
+const gpu = { isOn: false, device: null, ends: null };
+/** A promise while a build on the GPU is timed: pictures wait for it. */
+let timing = null;
 /** Milliseconds a pixel of the picture before. */
 let pace = null;
 
@@ -59,6 +65,7 @@ async function draw() {
                 const isLast = square === 1 && samples === steps.at(-1).samples;
                 tell("picture", { width, height, samples, pixels: pixels.buffer, took, paths, shadows, top, isLast, job }, [pixels.buffer]);
                 await pause();
+                await timing;
                 if (wanted !== job) break;
             }
             if (wanted === job) wanted = null;
@@ -102,19 +109,74 @@ function build(preset, aspect) {
     tell("built", { preset, took, digest: page.digest(), nodes, references, bytes });
 }
 
+/** A tree on the GPU, and how long it took. */
+async function timedOnGpu(...all) {
+    const since = performance.now();
+    const tree = await gpu.device.build(...all);
+    const took = performance.now() - since;
+    const { digest } = tree;
+    tree.free();
+    return { took, digest };
+}
+
+/** Builds the tree of the scene on the GPU, twice: the first time takes compiling along. */
+async function buildOnGpu(preset) {
+    gpu.ends?.abort();
+    if (!gpu.isOn || page === null) return;
+    gpu.ends = new AbortController();
+    const { signal } = gpu.ends;
+    const own = page;
+    let done = () => {};
+    try {
+        if (gpu.device === null || gpu.device.lost !== null) {
+            tell("gpu", { state: "opening" });
+            gpu.device?.free();
+            gpu.device = null;
+            const device = await Gpu.open({ signal });
+            if (gpu.device === null) gpu.device = device;
+            else device.free();
+        }
+        if (signal.aborted || own !== page) return;
+        const { adapter, isSoftware, parity, difference } = gpu.device;
+        tell("gpu", { state: "building", adapter, isSoftware, parity, difference });
+        const [positions, indices] = [page.positions(), page.indices()];
+        const copied = (words, type) => new type(memory.buffer, words.pointer(), words.length()).slice();
+        const mesh = [copied(positions, Float32Array), copied(indices, Uint32Array)];
+        positions.free();
+        indices.free();
+        timing = new Promise((resolve) => (done = resolve));
+        const first = await timedOnGpu(...mesh, { preset, signal });
+        const { took, digest } = await timedOnGpu(...mesh, { preset, signal });
+        tell("gpu", { state: "built", adapter, isSoftware, parity, difference, first: first.took, took, digest });
+    } catch (error) {
+        // Another scene, or another choice, has come meanwhile.
+        if (error.code !== "cancelled") tell("gpu", { state: "failed", text: error.message ?? String(error) });
+    } finally {
+        done();
+        if (gpu.ends?.signal === signal) timing = null;
+    }
+}
+
 const does = {
+    gpu({ isOn, preset }) {
+        gpu.isOn = isOn;
+        return buildOnGpu(preset);
+    },
     open(message) {
+        gpu.ends?.abort();
         wanted = null;
         const [took, opened] = timed(() => open(message));
         page = opened;
         pace = null;
         tell("opened", { name: message.name, took, triangles: page.triangles(), notes: page.notes() });
         build(message.preset, message.aspect);
+        return buildOnGpu(message.preset);
     },
     build({ preset, aspect }) {
         if (page === null) return;
         wanted = null;
         build(preset, aspect);
+        return buildOnGpu(preset);
     },
     move({ right = 0, down = 0, steps = 0, home = false }) {
         if (page === null) return;
@@ -156,6 +218,7 @@ onmessage = async ({ data }) => {
 
 try {
     ({ memory } = await load());
+    await start();
     const scenes = raw.Page.builtinScenes();
     const named = scenes.filter((_, place) => place % 2 === 0).map((name, place) => ({ name, shows: scenes[2 * place + 1] }));
     tell("ready", { scenes: named, mostBytes: raw.Page.mostBytes(), version: raw.version(), instructionSet: raw.instructionSet() });

@@ -1,5 +1,6 @@
 //! Errors of the library as exceptions with a code, and the library's texts.
 
+use splitplane::core::error::DeviceError;
 use splitplane::core::tree::file::FileError;
 use splitplane::objects::{SceneBuildError, SceneError};
 use splitplane::{BuildError, MeshError, QueryError};
@@ -43,8 +44,18 @@ impl From<Failure> for JsValue {
     }
 }
 
+fn device_code(error: &DeviceError) -> &'static str {
+    match error {
+        DeviceError::Lost { .. } => "device-lost",
+        DeviceError::OutOfMemory { .. } => "out-of-memory",
+        DeviceError::TimedOut { .. } => "timed-out",
+        _ => "device",
+    }
+}
+
 fn build_code(error: &BuildError) -> &'static str {
     match error {
+        BuildError::Device(error) => device_code(error),
         BuildError::Config(_) | BuildError::PresetNotOnDevice { .. } => "config",
         BuildError::OutOfMemory { .. } => "out-of-memory",
         BuildError::Cancelled { .. } => "cancelled",
@@ -61,7 +72,8 @@ impl From<BuildError> for Failure {
 
 impl From<QueryError> for Failure {
     fn from(error: QueryError) -> Failure {
-        let code = match error {
+        let code = match &error {
+            QueryError::Device(error) => device_code(error),
             QueryError::LengthMismatch { .. } => "shape",
             QueryError::OutOfMemory { .. } => "out-of-memory",
             QueryError::Cancelled { .. } => "cancelled",
@@ -103,5 +115,37 @@ impl From<SceneBuildError> for Failure {
             _ => "scene",
         };
         Failure::new(code, error.to_string())
+    }
+}
+
+#[cfg(feature = "gpu")]
+mod of_devices {
+    use splitplane_wgpu::{GpuError, OpenError};
+
+    use super::Failure;
+
+    impl From<OpenError> for Failure {
+        fn from(error: OpenError) -> Failure {
+            match error {
+                OpenError::NoAdapter => {
+                    let text = "this browser has no WebGPU, or no adapter for it";
+                    Failure::new("no-webgpu", text)
+                }
+                OpenError::DriverLimit { .. } => Failure::new("timed-out", error.to_string()),
+                error => Failure::new("device", error.to_string()),
+            }
+        }
+    }
+
+    impl From<GpuError> for Failure {
+        fn from(error: GpuError) -> Failure {
+            let code = match &error {
+                GpuError::Lost { .. } => "device-lost",
+                GpuError::OutOfMemory { .. } | GpuError::HostMemory { .. } => "out-of-memory",
+                GpuError::TimedOut { .. } | GpuError::DriverLimit { .. } => "timed-out",
+                _ => "device",
+            };
+            Failure::new(code, error.to_string())
+        }
     }
 }

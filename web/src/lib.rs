@@ -2,11 +2,17 @@
 //! code. Users see the classes in `js/`, which check types and lengths, and give options names.
 
 mod failure;
+#[cfg(feature = "gpu")]
+mod gpu;
+mod mesh;
 mod named;
 #[cfg(feature = "page")]
 mod page;
 mod progress;
+// The module for WebGPU is loaded beside the one that has these.
+#[cfg(not(feature = "gpu"))]
 mod scene;
+#[cfg(not(feature = "gpu"))]
 mod tree;
 mod words;
 
@@ -15,7 +21,11 @@ use wasm_bindgen::prelude::*;
 /// A panic becomes a line of the console; without this it is only `unreachable executed`.
 #[wasm_bindgen(start)]
 fn start() {
-    std::panic::set_hook(Box::new(|panic| console_error(&panic.to_string())));
+    std::panic::set_hook(Box::new(|panic| {
+        console_error(&panic.to_string());
+        #[cfg(feature = "gpu")]
+        gpu::crashed(&panic.to_string());
+    }));
 }
 
 #[wasm_bindgen]
@@ -28,6 +38,13 @@ extern "C" {
 #[wasm_bindgen]
 pub fn version() -> String {
     env!("CARGO_PKG_VERSION").to_owned()
+}
+
+/// Has this function called, with a text, when the module ends by a panic: promises of work under way are never settled then.
+#[cfg(feature = "gpu")]
+#[wasm_bindgen(js_name = afterCrash)]
+pub fn after_crash(called: js_sys::Function) {
+    gpu::after_crash(called);
 }
 
 /// The instruction set of queries.

@@ -123,6 +123,22 @@ impl Page {
         self.scene.indices.len()
     }
 
+    /// The scene's vertices, three floats each: a copy.
+    pub fn positions(&self) -> Result<Words, JsValue> {
+        let from: &[u32] = bytemuck::cast_slice(&self.scene.positions);
+        let mut words = zeros(from.len())?;
+        words.copy_from_slice(from);
+        Ok(Words::of(words))
+    }
+
+    /// The scene's triangles, three indices each: a copy.
+    pub fn indices(&self) -> Result<Words, JsValue> {
+        let from = self.scene.indices.as_flattened();
+        let mut words = zeros(from.len())?;
+        words.copy_from_slice(from);
+        Ok(Words::of(words))
+    }
+
     /// What reading left out or found odd, as sentences.
     pub fn notes(&self) -> Vec<String> {
         self.scene.notes.sentences()

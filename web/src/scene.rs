@@ -9,9 +9,9 @@ use splitplane::{Backend, BuildOptions, CpuBackend, Ray};
 use wasm_bindgen::prelude::*;
 
 use crate::failure::Failure;
+use crate::mesh::mesh;
 use crate::named::{NONE, accuracy, build_options, culling};
 use crate::progress::watched;
-use crate::tree::mesh;
 use crate::words::{Words, zeros};
 
 /// A scene of instances of meshes.

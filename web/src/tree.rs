@@ -4,11 +4,12 @@ use js_sys::{Function, Uint8Array};
 use splitplane::core::tree::file::{self, TreeFile};
 use splitplane::{
     Accelerator, AllHitsOptions, Backend, BuildOptions, ClosestPoint, ClosestPointOptions,
-    CpuBackend, Hit, LocateOptions, Mesh, Ray,
+    CpuBackend, Hit, LocateOptions, Ray,
 };
 use wasm_bindgen::prelude::*;
 
 use crate::failure::Failure;
+use crate::mesh::{file_of, mesh};
 use crate::named::{NONE, build_options, culling, query_options};
 use crate::progress::watched;
 use crate::words::{Words, zeros};
@@ -19,23 +20,6 @@ pub struct Tree {
     accelerator: Box<dyn Accelerator>,
     /// Keeps memory between rebuilds; there is none before the first.
     backend: Option<CpuBackend>,
-}
-
-/// The mesh of arrays.
-pub(crate) fn mesh<'a>(
-    positions: &'a Words,
-    indices: &'a Words,
-    is_indexed: bool,
-) -> Result<Mesh<'a>, Failure> {
-    let points = positions.points("positions")?;
-    if is_indexed {
-        return Ok(Mesh::indexed(points, indices.rows("indices")?)?);
-    }
-    let (triangles, rest) = points.as_chunks::<3>();
-    match rest.is_empty() {
-        true => Ok(Mesh::soup(triangles)?),
-        false => Err(Failure::length("positions without indices", 3 * points.len(), 9)),
-    }
 }
 
 #[wasm_bindgen]
@@ -118,16 +102,7 @@ impl Tree {
         is_indexed: bool,
     ) -> Result<Uint8Array, JsValue> {
         let mesh = mesh(positions, indices, is_indexed)?;
-        let tree = self.accelerator.tree().view();
-        if mesh.len() != tree.triangles as usize {
-            let text = format!(
-                "the tree has {} triangles, and the mesh {}: it is another mesh",
-                tree.triangles,
-                mesh.len()
-            );
-            return Err(Failure::new("wrong-mesh", text).into());
-        }
-        let bytes = file::write(&tree, &mesh).map_err(Failure::from)?;
+        let bytes = file_of(self.accelerator.tree(), &mesh)?;
         Ok(Uint8Array::from(&bytes[..]))
     }
 

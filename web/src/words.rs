@@ -46,6 +46,7 @@ impl Words {
         Ok(bytemuck::cast_slice(self.rows::<3>(what)?))
     }
 
+    #[cfg(not(feature = "gpu"))]
     pub(crate) fn bytes(&self) -> &[u8] {
         bytemuck::cast_slice(&self.0)
     }
@@ -66,6 +67,7 @@ impl Words {
     }
 
     /// The same to be written.
+    #[cfg(not(feature = "gpu"))]
     pub(crate) fn part_mut<T: bytemuck::Pod>(
         &mut self,
         what: &str,

@@ -2,40 +2,19 @@
 // security policy, on a phone and by keyboard. Usage: browser.mjs TOOLS [SCREENSHOTS]
 
 import assert from "node:assert/strict";
-import { execFileSync } from "node:child_process";
-import { createReadStream, mkdirSync, readFileSync, statSync, writeFileSync } from "node:fs";
-import { createServer } from "node:http";
-import { createRequire } from "node:module";
+import { mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import path from "node:path";
-import { fileURLToPath } from "node:url";
 
 import { difference } from "./answers.mjs";
+import { launch, serve, step, web } from "./chromium.mjs";
 
-const web = path.dirname(path.dirname(fileURLToPath(import.meta.url)));
 const [tools, shots = path.join(web, "target", "screenshots")] = process.argv.slice(2);
-const { chromium } = createRequire(path.join(path.resolve(tools), "x.js"))("playwright-core");
-const program = execFileSync("sh", ["-c", "command -v chromium"], { encoding: "utf8" }).trim();
 mkdirSync(shots, { recursive: true });
-
-const TYPES = {
-    ".css": "text/css", ".html": "text/html", ".js": "text/javascript", ".mjs": "text/javascript", ".wasm": "application/wasm",
-};
-const server = createServer((request, response) => {
-    const asked = decodeURIComponent(new URL(request.url, "http://127.0.0.1").pathname);
-    const file = path.join(web, asked.endsWith("/") ? `${asked}index.html` : asked);
-    const found = file.startsWith(web + path.sep) && statSync(file, { throwIfNoEntry: false })?.isFile();
-    if (asked === "/blank.html") return response.writeHead(200, { "Content-Type": "text/html" }).end('<!doctype html><title>blank</title><link rel="icon" href="data:,">');
-    if (!found) return response.writeHead(404).end();
-    response.writeHead(200, { "Content-Type": TYPES[path.extname(file)] ?? "application/octet-stream", "Cache-Control": "no-store" });
-    createReadStream(file).pipe(response);
-});
-await new Promise((ready) => server.listen(0, "127.0.0.1", ready));
-const root = `http://127.0.0.1:${server.address().port}`;
+const server = await serve();
+const { root } = server;
 const snapshot = (name) => readFileSync(path.join(web, "..", "tests", "snapshots", `web__${name}.snap`), "utf8");
 
-const args = ["--disable-background-networking", "--disable-component-update", "--disable-sync", "--no-first-run"];
-if (process.getuid?.() === 0) args.push("--no-sandbox");
-const browser = await chromium.launch({ executablePath: program, headless: true, args });
+const browser = await launch(tools);
 const problems = [];
 
 /** A page whose complaints are all kept. */
@@ -47,12 +26,6 @@ async function open(address, settings) {
     page.on("console", (message) => message.type() === "error" && problems.push(`${address}: ${message.text()}`));
     await page.goto(`${root}${address}`);
     return page;
-}
-
-async function step(name, work) {
-    const since = performance.now();
-    await work();
-    console.log(`ok: ${name} (${((performance.now() - since) / 1000).toFixed(1)} s)`);
 }
 
 const shown = (page, wanted = {}) =>
@@ -175,6 +148,15 @@ try {
         assert.equal((await shown(page, { scene: "spheres" })).scene, "spheres");
         assert.equal(await page.isVisible("#error"), false);
         await page.screenshot({ path: path.join(shots, "spheres.png"), fullPage: true });
+    });
+
+    await step("without WebGPU the page says so, and goes on", async () => {
+        await page.check('input[name="backend"][value="gpu"]');
+        await page.waitForFunction(() => window.onGpu?.state === "failed");
+        assert.match(await page.textContent("#gpu"), /^No tree by the GPU: .*WebGPU.* The CPU does the work\.$/);
+        await page.check('input[name="backend"][value="cpu"]');
+        assert.equal(await page.textContent("#gpu"), "");
+        assert.equal(await page.isVisible("#error"), false);
     });
 
     await step("its content security policy holds", async () => {

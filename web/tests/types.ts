@@ -1,7 +1,7 @@
 // Compiled, not run: what users write has the types of index.d.ts and three.d.ts.
 
 import { BufferGeometry, Mesh, Raycaster } from "three";
-import { init, Scene, SplitplaneError, Tree, WasmArray } from "splitplane";
+import { AnyTree, Backend, Gpu, init, Scene, SplitplaneError, Tree, WasmArray } from "splitplane";
 import { acceleratedRaycast, computeBoundsTree, disposeBoundsTree } from "splitplane/three";
 
 Mesh.prototype.raycast = acceleratedRaycast;
@@ -29,8 +29,17 @@ export async function use(positions: Float32Array, indices: Uint32Array, rays: F
     tree.closestHits([1, 2, 3]);
     // @ts-expect-error made by Tree.build only
     new Tree();
+    const backend = await Backend.open("auto", { timeout: 30, signal: controller.signal });
+    const anyTree: AnyTree = await backend.build(positions, indices, { preset: "balanced" });
+    const asked = await anyTree.closestHitsAsync(rays, { signal: controller.signal });
+    const gpu = backend.gpu ?? (await Gpu.open());
+    if (gpu.parity === "structural") console.log(gpu.adapter, gpu.difference?.length, asked.t.length);
+    const kept: AnyTree = Tree.load((await gpu.build(positions, indices)).toBytes(positions, indices), positions, indices);
+    // @ts-expect-error no such backend
+    await Backend.open("cuda");
     const raycaster = new Raycaster();
     raycaster.firstHitOnly = true;
     new BufferGeometry().computeBoundsTree({ layout: "compact" });
+    kept.free();
     return hits.t.length + same.length + (single?.t ?? 0);
 }

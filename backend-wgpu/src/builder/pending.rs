@@ -23,8 +23,9 @@ use super::shared::{Pooled, Shared};
 use super::source::Source;
 use crate::device::deferred::Mark;
 use crate::device::gpu::Gpu;
+use crate::device::patience::Patience;
 use crate::device::profile::Profile;
-use crate::device::wait::{Bell, Patience, Wait, blocking};
+use crate::device::wait::{Bell, Wait, blocking};
 use crate::device::{LoopControl, Pipelines};
 use crate::error::GpuError;
 

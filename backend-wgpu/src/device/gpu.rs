@@ -11,8 +11,9 @@ use crate::device::driver;
 use crate::device::health::Health;
 use crate::device::host;
 use crate::device::needs;
+use crate::device::patience::Patience;
 use crate::device::traffic::{Counted, Traffic};
-use crate::device::wait::{Bell, Patience, Wait, blocking};
+use crate::device::wait::{Bell, Wait, blocking};
 use crate::error::GpuError;
 use crate::options::OpenOptions;
 

@@ -16,6 +16,7 @@ pub(crate) mod host;
 pub mod kernel_set;
 pub(crate) mod needs;
 pub(crate) mod once;
+pub(crate) mod patience;
 pub mod pipelines;
 pub mod profile;
 pub mod readback;

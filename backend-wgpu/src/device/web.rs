@@ -6,7 +6,7 @@ use js_sys::{Function, Promise, Reflect};
 use wasm_bindgen::{JsCast, JsValue};
 use wasm_bindgen_futures::JsFuture;
 
-use super::wait::Patience;
+use super::patience::Patience;
 
 /// Between two looks at a device by work that nothing wakes. A browser makes it longer, a second and more in the background.
 const TICK: i32 = 4;

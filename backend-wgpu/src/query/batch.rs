@@ -20,8 +20,9 @@ use super::staging::Staging;
 use super::tree::DeviceTree;
 use crate::device::clock::Instant;
 use crate::device::deferred::Mark;
+use crate::device::patience::Patience;
 use crate::device::scope::checked;
-use crate::device::wait::{Bell, Patience, Wait};
+use crate::device::wait::{Bell, Wait};
 use crate::error::GpuError;
 
 /// Indices of the rays of a batch that have no answer, in ascending order.

@@ -1,0 +1,45 @@
+// Headless Chromium for tests, and a server of this folder's files.
+
+import { execFileSync } from "node:child_process";
+import { createReadStream, statSync } from "node:fs";
+import { createServer } from "node:http";
+import { createRequire } from "node:module";
+import path from "node:path";
+import { fileURLToPath } from "node:url";
+
+export const web = path.dirname(path.dirname(fileURLToPath(import.meta.url)));
+
+const TYPES = {
+    ".css": "text/css", ".html": "text/html", ".js": "text/javascript", ".mjs": "text/javascript", ".wasm": "application/wasm",
+};
+/** An empty page is at /blank.html. */
+const server = createServer((request, response) => {
+    const asked = decodeURIComponent(new URL(request.url, "http://127.0.0.1").pathname);
+    const file = path.join(web, asked.endsWith("/") ? `${asked}index.html` : asked);
+    const found = file.startsWith(web + path.sep) && statSync(file, { throwIfNoEntry: false })?.isFile();
+    if (asked === "/blank.html") return response.writeHead(200, { "Content-Type": "text/html" }).end('<!doctype html><title>blank</title><link rel="icon" href="data:,">');
+    if (!found) return response.writeHead(404).end();
+    response.writeHead(200, { "Content-Type": TYPES[path.extname(file)] ?? "application/octet-stream", "Cache-Control": "no-store" });
+    createReadStream(file).pipe(response);
+});
+
+/** Serves the files; gives the address and the end of it. */
+export async function serve() {
+    await new Promise((ready) => server.listen(0, "127.0.0.1", ready));
+    return { root: `http://127.0.0.1:${server.address().port}`, close: () => server.close() };
+}
+
+/** Starts the browser by the driver in the folder `tools`. */
+export function launch(tools, more = []) {
+    const { chromium } = createRequire(path.join(path.resolve(tools), "x.js"))("playwright-core");
+    const program = execFileSync("sh", ["-c", "command -v chromium"], { encoding: "utf8" }).trim();
+    const args = ["--disable-background-networking", "--disable-component-update", "--disable-sync", "--no-first-run", ...more];
+    if (process.getuid?.() === 0) args.push("--no-sandbox");
+    return chromium.launch({ executablePath: program, headless: true, args });
+}
+
+export async function step(name, work) {
+    const since = performance.now();
+    await work();
+    console.log(`ok: ${name} (${((performance.now() - since) / 1000).toFixed(1)} s)`);
+}
