@@ -10,6 +10,7 @@ use splitplane_core::config::BuildConfig;
 use splitplane_core::error::BuildError;
 use splitplane_core::kernel::{Buffer, Kernel, QueryKernel, RayQueries, TreeBuilder};
 use splitplane_core::mesh::Mesh;
+use splitplane_core::points::build::{self as points, PointBuildError, PointOptions};
 use splitplane_core::report::{BackendInfo, BuildSummary};
 use splitplane_core::scene::{Scene, SceneBuildError};
 use splitplane_core::tree::KdTree;
@@ -28,7 +29,7 @@ use crate::device::host;
 use crate::device::{Instrument, Pipelines};
 use crate::error::GpuError;
 use crate::parity::Parity;
-use crate::query::{DeviceTree, Queries, WgpuAccelerator, WgpuScene};
+use crate::query::{DeviceTree, Queries, WgpuAccelerator, WgpuPointTree, WgpuScene};
 use crate::selftest;
 
 /// The GPU backend: builds trees on one device and answers rays there. Buffers are kept between
@@ -111,6 +112,19 @@ impl WgpuBackend {
     /// Queries on this device, for trees built or loaded here.
     pub fn queries(&self) -> &Arc<Queries> {
         &self.shared.queries
+    }
+
+    /// A tree of points that answers on the device: see [`WgpuPointTree`].
+    ///
+    /// # Errors
+    /// See [`PointBuildError`].
+    pub fn points<const N: usize>(
+        &self,
+        points: &[[f32; N]],
+        options: &PointOptions<'_>,
+    ) -> Result<WgpuPointTree<N>, PointBuildError> {
+        let tree = points::build(points, options)?;
+        WgpuPointTree::of(Arc::clone(&self.shared.queries), tree, options.max_memory)
     }
 
     /// Builds a tree that stays on the device. One submission and one readback of 256 bytes, except

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 use splitplane_core::error::{QueryError, check_bytes, refused};
 use splitplane_core::points::build::{PointBuild, PointBuildError, PointOptions, Subtree};
 use splitplane_core::points::collect::Collector;
+use splitplane_core::points::lists::NeighbourLists;
 use splitplane_core::points::nearest::{NearestOptions, Neighbour, first_stop};
 use splitplane_core::points::tree::PointTree;
 use splitplane_core::query::closest_point::check_lengths;
@@ -204,6 +205,50 @@ impl<const N: usize> CpuPointTree<N> {
         found.try_reserve_exact(list.keys.len()).map_err(|_| refused(bytes))?;
         found.extend(list.keys.iter().map(|&key| Neighbour::of(self.tree.unit(), key)));
         Ok(found)
+    }
+
+    /// The points within [`NearestOptions::max_distance`] of each query, least (distance, index) first; k does not count.
+    ///
+    /// # Errors
+    /// More memory than allowed, or than the system has, or a watch that cancels the batch.
+    pub fn within_each(
+        &self,
+        queries: &[[f32; N]],
+        options: &NearestOptions<'_>,
+    ) -> Result<NeighbourLists, QueryError> {
+        let meter = &ProgressMeter::of(options.watch);
+        meter.begin_stage(Stage::Rays, queries.len() as u64);
+        let mut lists = NeighbourLists::default();
+        for some in queries.chunks(FEW * rayon::current_num_threads()) {
+            if meter.is_cancelled() {
+                break;
+            }
+            // What waits in lists of its own may take no more than what is left.
+            let left = options.max_memory.map(|most| most.saturating_sub(lists.bytes()));
+            let share = left.map(|left| left / some.len() as u64);
+            let one = |&query: &[f32; N]| {
+                let found = self.within(query, &NearestOptions { max_memory: share, ..*options });
+                meter.advance(1);
+                meter.record_work(WORK_BETWEEN_CHECKS);
+                found
+            };
+            let found: Vec<Result<Vec<Neighbour>, QueryError>> = some.par_iter().map(one).collect();
+            for (query, list) in some.iter().zip(found) {
+                let list = match list {
+                    // Its share was too small: alone it may take what is left.
+                    Err(QueryError::OutOfMemory { .. }) if share.is_some() => {
+                        let left =
+                            options.max_memory.map(|most| most.saturating_sub(lists.bytes()));
+                        self.within(*query, &NearestOptions { max_memory: left, ..*options })?
+                    }
+                    list => list?,
+                };
+                lists.push(list.into_iter(), options.max_memory)?;
+            }
+        }
+        meter.finish_stage();
+        meter.check_batch()?;
+        Ok(lists)
     }
 
     /// The box around all points, in the caller's unit, about.

@@ -119,7 +119,11 @@ impl Capacities {
             room.saturating_mul(times).saturating_add(1 << 16).min(bound.max(room))
         };
         Capacities {
-            middle_references: most(Buffer::MiddleReferences, self.middle_references.max(3 << 18), 4),
+            middle_references: most(
+                Buffer::MiddleReferences,
+                self.middle_references.max(3 << 18),
+                4,
+            ),
             middle_nodes: most(Buffer::MiddleNodes, self.middle_nodes, 2),
             middle_leaves: most(Buffer::MiddleLeaves, self.middle_leaves, 2),
             ..self
