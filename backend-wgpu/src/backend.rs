@@ -10,7 +10,7 @@ use splitplane_core::config::BuildConfig;
 use splitplane_core::error::BuildError;
 use splitplane_core::kernel::{Buffer, Kernel, QueryKernel, RayQueries, TreeBuilder};
 use splitplane_core::mesh::Mesh;
-use splitplane_core::points::build::{self as points, PointBuildError, PointOptions};
+use splitplane_core::points::build::{PointBuildError, PointOptions};
 use splitplane_core::report::{BackendInfo, BuildSummary};
 use splitplane_core::scene::{Scene, SceneBuildError};
 use splitplane_core::tree::KdTree;
@@ -114,7 +114,7 @@ impl WgpuBackend {
         &self.shared.queries
     }
 
-    /// A tree of points that answers on the device: see [`WgpuPointTree`].
+    /// A tree of points that the device builds, and that answers there: see [`WgpuPointTree`].
     ///
     /// # Errors
     /// See [`PointBuildError`].
@@ -123,8 +123,7 @@ impl WgpuBackend {
         points: &[[f32; N]],
         options: &PointOptions<'_>,
     ) -> Result<WgpuPointTree<N>, PointBuildError> {
-        let tree = points::build(points, options)?;
-        WgpuPointTree::of(Arc::clone(&self.shared.queries), tree, options.max_memory)
+        WgpuPointTree::build(Arc::clone(&self.shared.queries), points, options)
     }
 
     /// Builds a tree that stays on the device. One submission and one readback of 256 bytes, except

@@ -176,7 +176,7 @@ fn memory_of_workgroups_may_hold_anything() {
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn planted_faults_are_found() {
     let faults = [
-        (K::NearestPoint, "bound <= stop.x", "bound < 0x3c000000u"),
+        (K::NearestPoint, "bound <= stop.x", "bound > stop.x"),
         (K::NearestPoint, "snapped_product(d.z, d.z)", "snapped_product(d.z, d.y)"),
         (K::NearestPoint, "a.y < b.y", "a.y > b.y"),
         (
@@ -190,7 +190,7 @@ fn planted_faults_are_found() {
             "block = select(middle - (1u << level), middle, own < plane)",
             "block = middle",
         ),
-        (K::NearestPoint, "min(point_batch.points, first + BLOCK)", "first + BLOCK"),
+        (K::NearestPoint, "min(point_batch.points, first + BLOCK)", "first + BLOCK - 1u"),
         (K::NearestPoints, "is_before(greater, other)", "is_before(other, greater)"),
         (K::NearestPoints, "if !is_before(key, greater)", "if is_before(key, greater)"),
         (K::NearestPoints, "heap_keys[at * LANES + own_lane] = key", "heap_keys[at * LANES] = key"),

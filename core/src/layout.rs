@@ -10,7 +10,10 @@ use crate::config::MAX_BINS;
 use bytemuck::{Pod, Zeroable};
 
 pub use compress::{Compress, CompressCounters, Part};
-pub use points::{PointBatch, PointBuild, PointCounters, PointExtent, PointRecord, PointSplit};
+pub use points::{
+    POINT_CHUNK, PointBatch, PointBuild, PointCounters, PointExtent, PointRecord, PointSplit,
+    SMALL_HEIGHT,
+};
 pub use queries::{
     BatchUniform, CheckParameters, SceneBatch, SceneUniform, TriangleCount, culling_bits,
 };

@@ -1,4 +1,4 @@
-// Twin of core/src/layout/points.rs and core/src/points/schedule.rs: the records and counters of the kernels that build trees of
+// Twin of core/src/layout/points.rs and core/src/build/points.rs: the records and counters of the kernels that build trees of
 // points. Needs the bindings `point_build` and `counters`.
 
 struct PointBuild {

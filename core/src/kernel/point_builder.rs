@@ -3,11 +3,10 @@
 use core::ops::{Index, IndexMut};
 
 use crate::kernel_set;
-use crate::layout::{PointCounters, PointExtent, PointRecord, PointSplit};
-use crate::points::tree::PointNode;
+use crate::layout::{POINT_CHUNK, PointCounters, PointExtent, PointRecord, PointSplit};
 
 kernel_set! {
-    /// Trees of points, built level by level: see [`points::schedule`](crate::points::schedule). The tree is implicit, so it is known
+    /// Trees of points, built level by level: see [`build::points`](crate::build::points). The tree is implicit, so it is known
     /// before which places the points of a node will take, and all that is searched for is its plane. Points of a node always stand by
     /// index; so do those with equal coordinates, and their order needs no further key.
     set PointBuilder "point builder", counted by PointCounter;
@@ -44,8 +43,8 @@ kernel_set! {
         ChunkSides "chunk_sides", 8, live ActiveChunks;
         /// How many points of its node are so before each chunk.
         SidesBefore "sides_before", 8, live ActiveChunks;
-        /// The tree's nodes: [`PointNode`].
-        Nodes "nodes", size_of::<PointNode>(), live Nodes;
+        /// The tree's nodes: [`PointNode`](crate::points::tree::PointNode).
+        Nodes "nodes", 8, live Nodes;
         /// Its points, four `f32` each.
         Points "points", 16, live Kept;
         /// Their indices.
@@ -120,7 +119,7 @@ impl PointCounters {
     /// The counters before the first kernel, for so many points given.
     pub fn at_start(points: u32) -> PointCounters {
         let mut counters = PointCounters::default();
-        counters[PointCounter::InputChunks] = points.div_ceil(crate::points::schedule::POINT_CHUNK);
+        counters[PointCounter::InputChunks] = points.div_ceil(POINT_CHUNK);
         counters
     }
 }

@@ -2,7 +2,6 @@
 //! host counts.
 
 use crate::kernel_set;
-use crate::points::tree::PointNode;
 
 kernel_set! {
     /// Nearest points, and points within a radius, on a device. Points and queries are four floats each, in the tree's unit;
@@ -19,8 +18,8 @@ kernel_set! {
 
     /// The buffers of queries to points.
     buffers PointQueryBuffer {
-        /// The tree's nodes: [`PointNode`].
-        Nodes "nodes", size_of::<PointNode>();
+        /// The tree's nodes: [`PointNode`](crate::points::tree::PointNode).
+        Nodes "nodes", 8;
         /// Its points, block by block: four `f32`.
         Points "points", 16;
         /// Their indices.

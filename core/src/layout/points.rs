@@ -2,6 +2,11 @@
 
 use bytemuck::{Pod, Zeroable};
 
+/// Points of a chunk, which a workgroup of a device takes at a time: those of a node of [`SMALL_HEIGHT`].
+pub const POINT_CHUNK: u32 = 1024;
+/// The height of a node of a tree of points that is a chunk: nodes above it are large.
+pub const SMALL_HEIGHT: u32 = 6;
+
 /// A batch of queries to a tree of points: the WGSL struct of the same name.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]

@@ -23,13 +23,14 @@ use std::collections::BTreeSet;
 
 use splitplane_core::build::reference::kernels::is_of_middle_stage;
 use splitplane_core::kernel::{
-    Counter, DeviceChecks, Kernel, NodeCompressor, PointBuilder, PointQueries, QueryKernel, RayQueries, TreeBuilder,
+    Counter, DeviceChecks, Kernel, NodeCompressor, PointBuilder, PointQueries, QueryKernel,
+    RayQueries, TreeBuilder,
 };
 use splitplane_core::layout::Counters;
 use splitplane_render::RayTracer;
 use splitplane_shaders::{
-    CHECKS, COMPRESS, KERNELS, LIBRARY, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, Shader,
-    TriangleTest, continue_lists, join, parts_by_halves, query,
+    CHECKS, COMPRESS, KERNELS, LIBRARY, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_RETRIES,
+    RENDER_SETTLES, Shader, TriangleTest, continue_lists, join, parts_by_halves, query,
 };
 
 use constants::Number;
@@ -222,7 +223,17 @@ fn the_scanner_reads_the_core() {
 
 #[test]
 fn every_kernel_says_what_it_does() {
-    for table in [KERNELS, COMPRESS, QUERIES, POINT_BUILD, POINTS, RENDER, RENDER_RETRIES, RENDER_SETTLES, CHECKS] {
+    for table in [
+        KERNELS,
+        COMPRESS,
+        QUERIES,
+        POINT_BUILD,
+        POINTS,
+        RENDER,
+        RENDER_RETRIES,
+        RENDER_SETTLES,
+        CHECKS,
+    ] {
         assert_none(table, |shader| {
             let own = shader.parts.last().map_or("", |part| part.text);
             names::header_faults(own)

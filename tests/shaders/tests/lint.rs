@@ -33,8 +33,8 @@ use splitplane_core::kernel::{
 };
 use splitplane_render::RayTracer;
 use splitplane_shaders::{
-    CHECKS, COMPRESS, KERNELS, LIBRARY, POINT_BUILD, POINTS, Part, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES,
-    RenderFeatures, Shader, TriangleTest, render_parts,
+    CHECKS, COMPRESS, KERNELS, LIBRARY, POINT_BUILD, POINTS, Part, QUERIES, RENDER, RENDER_RETRIES,
+    RENDER_SETTLES, RenderFeatures, Shader, TriangleTest, render_parts,
 };
 
 use rules::{Finding, Rule};

@@ -1,15 +1,17 @@
-//! Trees of points built on the device: see [`splitplane_core::points::schedule`].
+//! Trees of points built on the device: see [`splitplane_core::build::points`].
 
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
+use splitplane_core::build::points::{build, large_levels};
 use splitplane_core::kernel::{
     Grid, PointBuffer, PointBuildUniform, PointBuilder, PointCounter, PointKernel,
 };
-use splitplane_core::layout::{PointBuild, PointCounters, PointExtent, PointRecord, PointSplit};
+use splitplane_core::layout::{
+    POINT_CHUNK, PointBuild, PointCounters, PointExtent, PointRecord, PointSplit,
+};
 use splitplane_core::points::build::{MOST_POINTS, PointBuildError, PointOptions};
 use splitplane_core::points::distance::Unit;
-use splitplane_core::points::schedule::{POINT_CHUNK, build, large_levels};
 use splitplane_core::points::tree::{Axes, BLOCK, PointNode, PointTree, height};
 use splitplane_core::watch::{Progress, Stage};
 use wgpu::{BufferBinding, BufferUsages as Usage};

@@ -13,9 +13,9 @@ use naga::ir::{AddressSpace, ArraySize, ScalarKind, Type, TypeInner};
 use splitplane_core::aabb::Aabb;
 use splitplane_core::layout::{
     BatchUniform, CheckParameters, Chunk, ChunkBins, ChunkBounds, ChunkSides, Compress, Counters,
-    Decision, Extent, LargeNode, MiddleRoot, Parameters, Part, PointBatch, PointBuild, PointExtent, PointRecord,
-    PointSplit, Reference, SceneBatch, SceneUniform,
-    Sides, SmallRoot, TopNode, TriangleCount,
+    Decision, Extent, LargeNode, MiddleRoot, Parameters, Part, PointBatch, PointBuild, PointExtent,
+    PointRecord, PointSplit, Reference, SceneBatch, SceneUniform, Sides, SmallRoot, TopNode,
+    TriangleCount,
 };
 use splitplane_core::ray::{Hit, Ray};
 use splitplane_core::tree::node::KdNode;

@@ -1,13 +1,15 @@
 //! Kernel sets with their shaders: what one test holds all of them to.
 
 use splitplane_core::kernel::{
-    Buffer, CheckBuffer, CompressBuffer, DeviceChecks, Grid, KernelSet, NodeCompressor, PointBuffer,
-    PointBuilder, PointQueries, PointQueryBuffer, QueryBuffer, RayQueries, Slot, TreeBuilder,
+    Buffer, CheckBuffer, CompressBuffer, DeviceChecks, Grid, KernelSet, NodeCompressor,
+    PointBuffer, PointBuilder, PointQueries, PointQueryBuffer, QueryBuffer, RayQueries, Slot,
+    TreeBuilder,
 };
 use splitplane_render::RayTracer;
 use splitplane_render::kernel as render_kernel;
 use splitplane_shaders::{
-    CHECKS, COMPRESS, KERNELS, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, Shader,
+    CHECKS, COMPRESS, KERNELS, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_RETRIES,
+    RENDER_SETTLES, Shader,
 };
 
 use crate::bindings;

@@ -15,13 +15,10 @@ pub use reference::Reference;
 
 use crate::build::schedule::Executor;
 use crate::kernel::{PointBuffer, PointBuilder, PointCounter, PointKernel};
-use crate::points::tree::{Axes, height};
+use crate::layout::{POINT_CHUNK, SMALL_HEIGHT};
+use crate::points::tree::{Axes, BLOCK, height};
 
-/// Points of a chunk.
-pub const POINT_CHUNK: u32 = 1024;
-/// The height of a node that is a chunk: nodes above it are large.
-pub const SMALL_HEIGHT: u32 = 6;
-const _: () = assert!(POINT_CHUNK as usize == crate::points::tree::BLOCK << SMALL_HEIGHT);
+const _: () = assert!(POINT_CHUNK as usize == BLOCK << SMALL_HEIGHT);
 
 /// Levels of large nodes in a tree of so many points.
 pub fn large_levels(points: usize) -> u32 {

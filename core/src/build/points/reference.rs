@@ -5,12 +5,13 @@ use core::convert::Infallible;
 use core::mem;
 use core::ops::Range;
 
-use super::{POINT_CHUNK, SMALL_HEIGHT};
 use crate::arithmetic::{Strict, exponent, ordered_bits, snap};
 use crate::build::lockstep::Inspect;
 use crate::build::schedule::Executor;
 use crate::kernel::{PointBuffer, PointBuilder, PointCounter, PointKernel};
-use crate::layout::{PointBuild, PointCounters, PointExtent, PointRecord, PointSplit};
+use crate::layout::{
+    POINT_CHUNK, PointBuild, PointCounters, PointExtent, PointRecord, PointSplit, SMALL_HEIGHT,
+};
 use crate::points::distance::Unit;
 use crate::points::tree::{BLOCK, PointNode, from_ordered, height};
 
