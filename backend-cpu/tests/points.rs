@@ -10,51 +10,10 @@ use splitplane_core::points::nearest::{self, NearestOptions, Neighbour};
 use splitplane_core::points::tree::{Axes, BLOCK, PointTree};
 use splitplane_core::watch::Progress;
 use splitplane_cpu::{CpuPointTree, InstructionSet, KeptBytes};
+use splitplane_test_support::clouds::{clouds, queries};
 use splitplane_test_support::random::Random;
 
 const KS: [usize; 5] = [1, 2, 8, 50, 400];
-
-/// Clouds that trees trip over.
-fn clouds<const N: usize>() -> Vec<(&'static str, Vec<[f32; N]>)> {
-    let mut random = Random::new(N as u64);
-    let mut cloud = |count: usize, f: &mut dyn FnMut(&mut Random, usize) -> f32| {
-        (0..count).map(|i| [(); N].map(|()| f(&mut random, i))).collect::<Vec<[f32; N]>>()
-    };
-    let mut all = vec![
-        ("none", cloud(0, &mut |_, _| 0.0)),
-        ("one", cloud(1, &mut |r, _| r.signed())),
-        ("a block", cloud(BLOCK, &mut |r, _| r.signed())),
-        ("a block and one", cloud(BLOCK + 1, &mut |r, _| r.signed())),
-        ("17 blocks", cloud(17 * BLOCK - 3, &mut |r, _| r.signed())),
-        ("uniform", cloud(4500, &mut |r, _| r.signed())),
-        ("coincident", cloud(700, &mut |_, _| 0.3)),
-        ("few places", cloud(900, &mut |r, _| (r.below(3) as f32) * 0.1)),
-        ("grid", cloud(1500, &mut |r, _| r.below(9) as f32)),
-        ("diagonal", cloud(600, &mut |_, i| i as f32 * 0.01)),
-        ("1e-30", cloud(600, &mut |r, _| r.signed() * 1e-30)),
-        ("1e30", cloud(600, &mut |r, _| r.signed() * 1e30)),
-        ("greatest", cloud(300, &mut |r, _| r.signed() * f32::MAX)),
-        ("subnormal", cloud(300, &mut |r, _| r.signed() * 1e-39)),
-        ("all sizes", cloud(900, &mut |r, _| r.signed() * 10f32.powi(r.below(61) as i32 - 30))),
-    ];
-    let mut holes = cloud(800, &mut |r, _| r.signed());
-    for (i, point) in holes.iter_mut().enumerate().filter(|(i, _)| i % 3 == 0) {
-        point[i % N] = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][i / 3 % 3];
-    }
-    all.push(("not finite", holes));
-    all
-}
-
-fn queries<const N: usize>(points: &[[f32; N]], random: &mut Random) -> Vec<[f32; N]> {
-    let mut all = vec![[0.0; N], [f32::MAX; N], [-1e-30; N], [1e-39; N], [1.0; N]];
-    for _ in 0..24 {
-        let Some(&near) = points.get(random.below(points.len().max(1))) else { break };
-        all.push(near);
-        all.push(near.map(|x| x * (1.0 + 0.01 * random.signed())));
-        all.push(near.map(|x| x + random.signed()));
-    }
-    all
-}
 
 fn size(x: f32) -> f32 {
     if x.abs() < f32::MIN_POSITIVE { 0.0 } else { x }
@@ -376,7 +335,7 @@ fn within_each(
 ) -> (Vec<Vec<Neighbour>>, Option<QueryError>) {
     let mut lists = Vec::new();
     let options = NearestOptions { max_distance: 0.4, max_memory, ..options(1) };
-    let done = tree.within_each(queries, &options, kept, |found| {
+    let done = tree.for_each_within(queries, &options, kept, |found| {
         lists.push(found.to_vec());
         Ok(())
     });
@@ -429,7 +388,7 @@ fn a_watch_ends_lists() {
     };
     let (mut shown, queries) = (0, [[0.0; 3]; 8000]);
     let options = NearestOptions { watch: Some(&watch), ..options(1) };
-    let done = tree.within_each(&queries, &options, KeptBytes::default(), |found| {
+    let done = tree.for_each_within(&queries, &options, KeptBytes::default(), |found| {
         assert_eq!(found.len(), 2000);
         shown += 1;
         Ok(())

@@ -15,7 +15,8 @@ use std::process::{Command, ExitCode, Stdio};
 use std::time::Duration;
 
 use splitplane_shaders::{
-    CHECKS, COMPRESS, KERNELS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, find,
+    CHECKS, COMPRESS, KERNELS, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_RETRIES,
+    RENDER_SETTLES, find,
 };
 use splitplane_wgpu::{Gpu, OpenOptions};
 
@@ -80,7 +81,17 @@ fn all(adapter: &str, key: &str, rest: &[String]) -> Result<bool, Box<dyn Error>
         [file, names @ ..] if file.ends_with(".json") => (Some(file), names),
         names => (None, names),
     };
-    let tables = [KERNELS, COMPRESS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, CHECKS];
+    let tables = [
+        KERNELS,
+        COMPRESS,
+        QUERIES,
+        POINT_BUILD,
+        POINTS,
+        RENDER,
+        RENDER_RETRIES,
+        RENDER_SETTLES,
+        CHECKS,
+    ];
     let asked = |name: &str| names.is_empty() || names.iter().any(|part| name.contains(&part[..]));
     let shaders = tables.into_iter().flatten().map(|shader| shader.name).filter(|name| asked(name));
     let (mut lines, mut fine, mut worst) = (Vec::new(), true, [0.0f64; 2]);

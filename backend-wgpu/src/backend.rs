@@ -10,6 +10,7 @@ use splitplane_core::config::BuildConfig;
 use splitplane_core::error::BuildError;
 use splitplane_core::kernel::{Buffer, Kernel, QueryKernel, RayQueries, TreeBuilder};
 use splitplane_core::mesh::Mesh;
+use splitplane_core::points::build::{PointBuildError, PointOptions};
 use splitplane_core::report::{BackendInfo, BuildSummary};
 use splitplane_core::scene::{Scene, SceneBuildError};
 use splitplane_core::tree::KdTree;
@@ -29,7 +30,7 @@ use crate::device::wait::{Wait, blocking};
 use crate::device::{Instrument, Pipelines};
 use crate::error::GpuError;
 use crate::parity::Parity;
-use crate::query::{DeviceTree, Queries, WgpuAccelerator, WgpuScene};
+use crate::query::{DeviceTree, Queries, WgpuAccelerator, WgpuPointTree, WgpuScene};
 use crate::selftest;
 
 /// The GPU backend: builds trees on one device and answers rays there. Buffers are kept between
@@ -131,6 +132,18 @@ impl WgpuBackend {
     /// Queries on this device, for trees built or loaded here.
     pub fn queries(&self) -> &Arc<Queries> {
         &self.shared.queries
+    }
+
+    /// A tree of points that the device builds, and that answers there: see [`WgpuPointTree`].
+    ///
+    /// # Errors
+    /// See [`PointBuildError`].
+    pub fn points<const N: usize>(
+        &self,
+        points: &[[f32; N]],
+        options: &PointOptions<'_>,
+    ) -> Result<WgpuPointTree<N>, PointBuildError> {
+        WgpuPointTree::build(Arc::clone(&self.shared.queries), points, options)
     }
 
     /// Builds a tree that stays on the device. One submission and one readback of 256 bytes, except

@@ -4,6 +4,7 @@ use std::fmt;
 use std::time::Duration;
 
 use splitplane_core::error::{BuildError, DeviceError, QueryError};
+use splitplane_core::points::build::PointBuildError;
 use thiserror::Error;
 
 /// Why no device was opened.
@@ -186,6 +187,15 @@ impl From<GpuError> for BuildError {
         match error.into_device_error() {
             Ok(error) => BuildError::Device(error),
             Err(needed) => BuildError::OutOfMemory { needed, limit: needed },
+        }
+    }
+}
+
+impl From<GpuError> for PointBuildError {
+    fn from(error: GpuError) -> PointBuildError {
+        match error.into_device_error() {
+            Ok(error) => PointBuildError::Device(error),
+            Err(needed) => PointBuildError::OutOfMemory { needed, limit: needed },
         }
     }
 }

@@ -26,7 +26,7 @@ pub use options::OpenOptions;
 pub use parity::Parity;
 pub use query::{
     DeviceQueryError, DeviceTree, Marked, Queries, SceneUniform, TreeParts, UNFINISHED,
-    WgpuAccelerator,
+    WgpuAccelerator, WgpuPointTree,
 };
 
 /// The version of wgpu that this crate is built with.

@@ -332,7 +332,7 @@ where
     let queries = given.beside(&mut copy)?;
     let options =
         NearestOptions { k: 0, max_distance, filter: None, max_memory, watch: caller };
-    tree.within_each(queries, &options, KEPT, |some| -> Result<(), Failure> {
+    tree.for_each_within(queries, &options, KEPT, |some| -> Result<(), Failure> {
         let needed = size_of_val(&found[..]) + size_of_val(some);
         found.try_reserve(some.len()).map_err(|_| Failure::memory(needed))?;
         found.extend_from_slice(some);

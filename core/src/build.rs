@@ -9,6 +9,8 @@ pub mod decide;
 pub mod lockstep;
 pub mod mask;
 pub mod middle;
+#[cfg(feature = "alloc")]
+pub mod points;
 pub mod reference;
 pub mod schedule;
 pub mod split;

@@ -5,13 +5,15 @@
 //! names of files, what a device binds and in which order, what may change between two dispatches.
 //! Tests hold the shaders to it.
 //!
-//! [`TreeBuilder`], [`NodeCompressor`], [`RayQueries`] and [`DeviceChecks`] are declared here; the renderer declares a set of
+//! [`TreeBuilder`], [`NodeCompressor`], [`RayQueries`], [`PointBuilder`], [`PointQueries`] and [`DeviceChecks`] are declared here; the renderer declares a set of
 //! its own.
 
 mod builder;
 mod checks;
 mod compress;
 mod macros;
+mod point_builder;
+mod points;
 mod queries;
 
 use core::fmt::Debug;
@@ -22,6 +24,10 @@ pub use builder::{
 pub use checks::{CheckBuffer, CheckCounter, CheckKernel, CheckUniform, DeviceChecks};
 pub use compress::{
     CompressBuffer, CompressCounter, CompressKernel, CompressUniform, NodeCompressor,
+};
+pub use point_builder::{PointBuffer, PointBuildUniform, PointBuilder, PointCounter, PointKernel};
+pub use points::{
+    PointQueries, PointQueryBuffer, PointQueryCounter, PointQueryKernel, PointQueryUniform,
 };
 pub use queries::{QueryBuffer, QueryCounter, QueryKernel, QueryUniform, RayQueries};
 

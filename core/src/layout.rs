@@ -2,6 +2,7 @@
 //! multiple of 16 bytes where a record holds vectors, so that WGSL lays them out alike.
 
 mod compress;
+mod points;
 mod queries;
 
 use crate::aabb::Aabb;
@@ -9,6 +10,10 @@ use crate::config::MAX_BINS;
 use bytemuck::{Pod, Zeroable};
 
 pub use compress::{Compress, CompressCounters, Part};
+pub use points::{
+    POINT_CHUNK, PointBatch, PointBuild, PointCounters, PointExtent, PointRecord, PointSplit,
+    SMALL_HEIGHT,
+};
 pub use queries::{
     BatchUniform, CheckParameters, SceneBatch, SceneUniform, TriangleCount, culling_bits,
 };

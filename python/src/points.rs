@@ -223,7 +223,7 @@ fn within<'py, const N: usize>(
         let filter: Option<&(dyn Fn(u32) -> bool + Sync)> = keep.is_some().then_some(&filter);
         let options =
             NearestOptions { k: 0, max_distance, filter, max_memory, watch: Some(watcher) };
-        tree.within_each(queries, &options, KEPT, |found| -> Result<(), Failure> {
+        tree.for_each_within(queries, &options, KEPT, |found| -> Result<(), Failure> {
             let held = 12 * (index.len() + found.len());
             index.try_reserve(found.len()).map_err(|_| Failure::memory(held))?;
             squared.try_reserve(found.len()).map_err(|_| Failure::memory(held))?;

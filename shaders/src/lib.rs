@@ -18,7 +18,8 @@ pub use embed::{
 pub use query::query;
 pub use render::{RenderFeatures, has_tail, render_parts, render_retry, render_settle};
 pub use table::{
-    CHECKS, COMPRESS, KERNELS, LIBRARY, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES,
+    CHECKS, COMPRESS, KERNELS, LIBRARY, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_RETRIES,
+    RENDER_SETTLES,
 };
 
 use alloc::string::String;
@@ -63,6 +64,16 @@ pub fn join(parts: &[Part]) -> String {
 
 /// The kernel of this name, of any table.
 pub fn find(name: &str) -> Option<&'static Shader> {
-    let tables = [KERNELS, COMPRESS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, CHECKS];
+    let tables = [
+        KERNELS,
+        COMPRESS,
+        QUERIES,
+        POINT_BUILD,
+        POINTS,
+        RENDER,
+        RENDER_RETRIES,
+        RENDER_SETTLES,
+        CHECKS,
+    ];
     tables.into_iter().flatten().find(|shader| shader.name == name)
 }

@@ -121,6 +121,12 @@ library! {
     REFRACTION "refraction"
     NO_REFRACTION "no_refraction"
     TONE "tone"
+    POINT_LAYOUT "point_layout"
+    POINT_WALK "point_walk"
+    POINT_LIST_ONE "point_list_one"
+    POINT_HEAP "point_heap"
+    POINT_HEAP_SHORT "point_heap_short"
+    POINT_HEAP_LONG "point_heap_long"
 }
 
 shaders! {
@@ -316,6 +322,35 @@ shaders! {
         "open_parts": ARITHMETIC AABB MESH COMPRESS_LAYOUT;
         "place_children": COMPRESS_LAYOUT WIDE_SCAN;
         "emit_nodes": ARITHMETIC COMPRESS_LAYOUT;
+    }
+}
+
+shaders! {
+    /// The kernels that build trees of points, in the order of their schedule.
+    POINT_BUILD "point_build" {
+        "measure_points": ARITHMETIC POINT_LAYOUT;
+        "scan_points": ARITHMETIC POINT_LAYOUT WIDE_SCAN;
+        "gather_points": ARITHMETIC POINT_LAYOUT WIDE_SCAN;
+        "point_extents": ARITHMETIC POINT_LAYOUT;
+        "choose_axes": ARITHMETIC POINT_LAYOUT;
+        "count_digits": ARITHMETIC POINT_LAYOUT;
+        "pick_digits": ARITHMETIC POINT_LAYOUT WIDE_SCAN;
+        "count_sides": ARITHMETIC POINT_LAYOUT;
+        "place_sides": ARITHMETIC POINT_LAYOUT WIDE_SCAN;
+        "scatter_points": ARITHMETIC POINT_LAYOUT WIDE_SCAN;
+        "next_height": ARITHMETIC POINT_LAYOUT;
+        "build_small_points": ARITHMETIC POINT_LAYOUT;
+    }
+}
+
+shaders! {
+    /// The queries to trees of points, in the order of the table of their set.
+    POINTS "points" {
+        "nearest_point": ARITHMETIC POINT_WALK POINT_LIST_ONE;
+        "nearest_points": ARITHMETIC POINT_WALK POINT_HEAP POINT_HEAP_SHORT;
+        "nearest_points_many": ARITHMETIC POINT_WALK POINT_HEAP POINT_HEAP_LONG;
+        "count_within": ARITHMETIC POINT_WALK;
+        "list_within": ARITHMETIC POINT_WALK;
     }
 }
 

@@ -2,6 +2,9 @@
 
 use splitplane_core::backend::Backend;
 
+#[cfg(any(feature = "cpu", feature = "wgpu"))]
+use crate::points::{AnyPointTree, PointBuildError, PointOptions};
+
 /// One of the backends of this build.
 #[derive(Debug)]
 #[non_exhaustive]
@@ -22,6 +25,26 @@ impl Engine {
             Engine::Cpu(ref backend) => backend,
             #[cfg(feature = "wgpu")]
             Engine::Wgpu(ref backend) => backend,
+        }
+    }
+
+    /// A tree of points, built by the backend, which answers batches of queries. Bytes and answers are the same on every backend.
+    ///
+    /// # Errors
+    /// See [`PointBuildError`]; a GPU has limits of its own, and may fail.
+    #[cfg(any(feature = "cpu", feature = "wgpu"))]
+    pub fn points<const N: usize>(
+        &self,
+        points: &[[f32; N]],
+        options: &PointOptions<'_>,
+    ) -> Result<AnyPointTree<N>, PointBuildError> {
+        match self {
+            #[cfg(feature = "cpu")]
+            Engine::Cpu(_) => {
+                Ok(AnyPointTree::Cpu(splitplane_cpu::CpuPointTree::build(points, options)?))
+            }
+            #[cfg(feature = "wgpu")]
+            Engine::Wgpu(backend) => Ok(AnyPointTree::Wgpu(backend.points(points, options)?)),
         }
     }
 

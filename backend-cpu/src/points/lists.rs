@@ -4,6 +4,7 @@ use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use rayon::prelude::*;
 use splitplane_core::error::{QueryError, check_bytes, refused};
+use splitplane_core::points::lists::NeighbourLists;
 use splitplane_core::points::nearest::{NearestOptions, Neighbour, first_stop};
 use splitplane_core::watch::Stage;
 
@@ -20,7 +21,7 @@ const NEIGHBOUR: u64 = size_of::<Neighbour>() as u64;
 /// Records by which a list that shares a limit grows, at least.
 const STEP: u64 = 32;
 
-/// Bytes that the caller of [`CpuPointTree::within_each`] keeps of the lists. They count against the limit.
+/// Bytes that the caller of [`CpuPointTree::for_each_within`] keeps of the lists. They count against the limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct KeptBytes {
     /// Of each list, however long.
@@ -64,7 +65,7 @@ impl<const N: usize> CpuPointTree<N> {
     /// let tree = CpuPointTree::build(&points, &PointOptions::default()).unwrap();
     /// let options = NearestOptions { max_distance: 3.0, ..NearestOptions::default() };
     /// let mut counts = Vec::new();
-    /// tree.within_each(&points, &options, KeptBytes { list: 8, neighbour: 0 }, |found| {
+    /// tree.for_each_within(&points, &options, KeptBytes { list: 8, neighbour: 0 }, |found| {
     ///     counts.push(found.len());
     ///     Ok::<(), QueryError>(())
     /// })
@@ -74,7 +75,7 @@ impl<const N: usize> CpuPointTree<N> {
     ///
     /// # Errors
     /// What `keep` returns, more memory than allowed or than the system has, or a watch that cancels the batch.
-    pub fn within_each<E: From<QueryError>>(
+    pub fn for_each_within<E: From<QueryError>>(
         &self,
         queries: &[[f32; N]],
         options: &NearestOptions<'_>,
@@ -127,6 +128,23 @@ impl<const N: usize> CpuPointTree<N> {
         }
         meter.finish_stage();
         Ok(meter.check_batch()?)
+    }
+
+    /// The points within [`NearestOptions::max_distance`] of each query, least (distance, index) first; k does not count.
+    ///
+    /// # Errors
+    /// More memory than allowed, or than the system has, or a watch that cancels the batch.
+    pub fn within_each(
+        &self,
+        queries: &[[f32; N]],
+        options: &NearestOptions<'_>,
+    ) -> Result<NeighbourLists, QueryError> {
+        let mut lists = NeighbourLists::default();
+        let kept = KeptBytes { list: size_of::<usize>() as u64, neighbour: NEIGHBOUR };
+        self.for_each_within(queries, options, kept, |found| {
+            lists.push(found.iter().copied(), options.max_memory)
+        })?;
+        Ok(lists)
     }
 
     fn list(

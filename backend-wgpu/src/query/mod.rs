@@ -22,6 +22,7 @@ pub(crate) mod limits;
 mod lists;
 mod overlaps;
 mod pipelines;
+mod points;
 mod record;
 mod resident;
 mod scene;
@@ -38,6 +39,9 @@ pub use compressing::{CompressExecutor, Compressing};
 pub use error::DeviceQueryError;
 pub use layout::UNFINISHED;
 pub use pipelines::Queries;
+pub use points::WgpuPointTree;
+#[doc(hidden)]
+pub use points::{BuildingPoints, PointExecutor};
 pub use resident::WgpuScene;
 pub use scene::SceneUniform;
 pub use splitplane_core::ray::Hit;

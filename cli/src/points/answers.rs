@@ -80,7 +80,7 @@ pub(super) fn within(
         ..NearestOptions::default()
     };
     let kept = KeptBytes { list: 8, neighbour: 8 };
-    work.tree.within_each(queries, &options, kept, |found| -> Result<(), Failure> {
+    work.tree.for_each_within(queries, &options, kept, |found| -> Result<(), Failure> {
         let needed = (records.len() + 8 * found.len()) as u64;
         let refused = |_| QueryError::OutOfMemory { needed, limit: needed };
         records.try_reserve(8 * found.len()).map_err(refused)?;

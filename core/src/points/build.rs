@@ -1,6 +1,7 @@
 //! The builder: at each node the points are divided by selection, with whole numbers and compares alone.
 
 use crate::arithmetic::Strict;
+use crate::error::DeviceError;
 use crate::points::distance::Unit;
 use crate::points::tree::{
     Axes, BLOCK, PointNode, PointReport, PointTree, Record, from_ordered, height,
@@ -55,6 +56,9 @@ pub enum PointBuildError {
         /// Points of the tree.
         total: u64,
     },
+    /// A device failed, or cannot do what was asked.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
 }
 
 /// A tree that is being built: the records are divided until they stand in the order of the tree.

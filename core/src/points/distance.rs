@@ -75,6 +75,11 @@ impl Unit {
         Unit { exponent: exponent(greatest).clamp(-126, 126) }
     }
 
+    /// The power of two with this exponent, which is clamped to -126..=126.
+    pub fn of_exponent(exponent: i32) -> Unit {
+        Unit { exponent: exponent.clamp(-126, 126) }
+    }
+
     /// The exponent of the power of two.
     pub fn exponent(self) -> i32 {
         self.exponent

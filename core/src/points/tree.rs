@@ -90,6 +90,25 @@ pub struct PointTree<const N: usize> {
 }
 
 impl<const N: usize> PointTree<N> {
+    /// A tree of nodes, points and indices that a builder has made. `None` where their numbers do not fit one another, or an axis or an index
+    /// does not exist; that planes divide points is not checked.
+    pub fn from_parts(
+        axes: Axes,
+        unit: Unit,
+        given: u32,
+        nodes: Vec<PointNode>,
+        points: Vec<[f32; N]>,
+        indices: Vec<u32>,
+    ) -> Option<PointTree<N>> {
+        let dropped = given.checked_sub(u32::try_from(points.len()).ok()?)?;
+        let fit = nodes.len() == points.len().div_ceil(BLOCK).saturating_sub(1)
+            && indices.len() == points.len()
+            && nodes.iter().all(|node| (node.axis as usize) < N)
+            && indices.iter().all(|&index| index < given);
+        let report = PointReport { points: given, dropped };
+        fit.then_some(PointTree { axes, unit, report, nodes, points, indices })
+    }
+
     /// How axes were chosen.
     pub fn axes(&self) -> Axes {
         self.axes

@@ -7,8 +7,8 @@
 //!   the CPU's kernels. Every file of `lib/` is in `LIBRARY`, every file of `queries/` in `QUERIES`.
 //! - A kernel binds what the table of its set says (`KernelSet::slots`), with its name, access and
 //!   element size; it reads what it is said to read and writes what it is said to write; where a grid
-//!   counts invocations, workgroups are as wide as it says. That holds for five sets: the tree
-//!   builder, the node compressor, the queries, the self-test, and the ray tracer of `splitplane_render` with every choice of features.
+//!   counts invocations, workgroups are as wide as it says. That holds for seven sets: the tree
+//!   builder, the node compressor, the builder of trees of points, the queries to rays and to points, the self-test, and the ray tracer of `splitplane_render` with every choice of features.
 //! - The tables themselves are in order, and ARCHITECTURE.md says the same.
 //! - Records that cross have the core's size and words (see `abi/records.rs` for what may differ).
 //! - Module-scope constants have the value of the core's constant of the same name, or stand on a
@@ -23,13 +23,14 @@ use std::collections::BTreeSet;
 
 use splitplane_core::build::reference::kernels::is_of_middle_stage;
 use splitplane_core::kernel::{
-    Counter, DeviceChecks, Kernel, NodeCompressor, QueryKernel, RayQueries, TreeBuilder,
+    Counter, DeviceChecks, Kernel, NodeCompressor, PointBuilder, PointQueries, QueryKernel,
+    RayQueries, TreeBuilder,
 };
 use splitplane_core::layout::Counters;
 use splitplane_render::RayTracer;
 use splitplane_shaders::{
-    CHECKS, COMPRESS, KERNELS, LIBRARY, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, Shader,
-    TriangleTest, continue_lists, join, parts_by_halves, query,
+    CHECKS, COMPRESS, KERNELS, LIBRARY, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_RETRIES,
+    RENDER_SETTLES, Shader, TriangleTest, continue_lists, join, parts_by_halves, query,
 };
 
 use constants::Number;
@@ -100,6 +101,16 @@ fn the_tree_builder_agrees_with_its_table() {
 #[test]
 fn the_node_compressor_agrees_with_its_table() {
     assert_agrees::<NodeCompressor>();
+}
+
+#[test]
+fn the_point_builder_agrees_with_its_table() {
+    assert_agrees::<PointBuilder>();
+}
+
+#[test]
+fn the_queries_to_points_agree_with_their_table() {
+    assert_agrees::<PointQueries>();
 }
 
 #[test]
@@ -212,7 +223,17 @@ fn the_scanner_reads_the_core() {
 
 #[test]
 fn every_kernel_says_what_it_does() {
-    for table in [KERNELS, COMPRESS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, CHECKS] {
+    for table in [
+        KERNELS,
+        COMPRESS,
+        QUERIES,
+        POINT_BUILD,
+        POINTS,
+        RENDER,
+        RENDER_RETRIES,
+        RENDER_SETTLES,
+        CHECKS,
+    ] {
         assert_none(table, |shader| {
             let own = shader.parts.last().map_or("", |part| part.text);
             names::header_faults(own)

@@ -33,8 +33,8 @@ use splitplane_core::kernel::{
 };
 use splitplane_render::RayTracer;
 use splitplane_shaders::{
-    CHECKS, COMPRESS, KERNELS, LIBRARY, Part, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES,
-    RenderFeatures, Shader, TriangleTest, render_parts,
+    CHECKS, COMPRESS, KERNELS, LIBRARY, POINT_BUILD, POINTS, Part, QUERIES, RENDER, RENDER_RETRIES,
+    RENDER_SETTLES, RenderFeatures, Shader, TriangleTest, render_parts,
 };
 
 use rules::{Finding, Rule};
@@ -77,8 +77,10 @@ fn lint(parts: Vec<Text>, free: Free) -> Vec<Finding> {
 /// The shaders the lint applies to: those of every set.
 fn linted() -> impl Iterator<Item = (&'static Shader, Free)> {
     let kernels = KERNELS.iter().map(|shader| (shader, free_in::<TreeBuilder>(shader)));
-    // They read nodes, but what they compute is the same everywhere.
+    // These read nodes, but what they compute is the same everywhere.
     let compress = COMPRESS.iter().map(|shader| (shader, Free::Forbidden));
+    let points = POINT_BUILD.iter().chain(POINTS);
+    let points = points.map(|shader| (shader, Free::Forbidden));
     let queries = QUERIES.iter().map(|shader| (shader, free_in::<RayQueries>(shader)));
     let render = RENDER.iter().map(|shader| (shader, free_in::<RayTracer>(shader)));
     let retries = RENDER_RETRIES.iter().map(|shader| (shader, Free::Allowed));
@@ -87,6 +89,7 @@ fn linted() -> impl Iterator<Item = (&'static Shader, Free)> {
     let checks = CHECKS.iter().map(|shader| (shader, free_in::<DeviceChecks>(shader)));
     let all = kernels
         .chain(compress)
+        .chain(points)
         .chain(queries)
         .chain(render)
         .chain(retries)

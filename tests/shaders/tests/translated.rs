@@ -12,7 +12,8 @@ use std::path::Path;
 
 use naga::back::{hlsl, msl, spv};
 use splitplane_shaders::{
-    CHECKS, COMPRESS, KERNELS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, Shader,
+    CHECKS, COMPRESS, KERNELS, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_RETRIES,
+    RENDER_SETTLES, Shader,
 };
 
 use source::{Parsed, Text, texts};
@@ -22,9 +23,19 @@ use source::{Parsed, Text, texts};
 mod source;
 
 fn shaders() -> impl Iterator<Item = &'static Shader> {
-    [KERNELS, COMPRESS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, CHECKS]
-        .into_iter()
-        .flatten()
+    [
+        KERNELS,
+        COMPRESS,
+        QUERIES,
+        POINT_BUILD,
+        POINTS,
+        RENDER,
+        RENDER_RETRIES,
+        RENDER_SETTLES,
+        CHECKS,
+    ]
+    .into_iter()
+    .flatten()
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

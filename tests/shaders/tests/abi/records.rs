@@ -13,8 +13,9 @@ use naga::ir::{AddressSpace, ArraySize, ScalarKind, Type, TypeInner};
 use splitplane_core::aabb::Aabb;
 use splitplane_core::layout::{
     BatchUniform, CheckParameters, Chunk, ChunkBins, ChunkBounds, ChunkSides, Compress, Counters,
-    Decision, Extent, LargeNode, MiddleRoot, Parameters, Part, Reference, SceneBatch, SceneUniform,
-    Sides, SmallRoot, TopNode, TriangleCount,
+    Decision, Extent, LargeNode, MiddleRoot, Parameters, Part, PointBatch, PointBuild, PointExtent,
+    PointRecord, PointSplit, Reference, SceneBatch, SceneUniform, Sides, SmallRoot, TopNode,
+    TriangleCount,
 };
 use splitplane_core::ray::{Hit, Ray};
 use splitplane_core::tree::node::KdNode;
@@ -103,6 +104,17 @@ pub(crate) fn of_compressor() -> Vec<Record> {
         record!(Part { lo first hi count }),
         record!(Compress { slack zero batch_room part_room }),
         record!(Aabb { lo hi }),
+    ]
+}
+
+/// The records of kernels that work on points.
+pub(crate) fn of_points() -> Vec<Record> {
+    vec![
+        record!(PointBatch { count room points height reach filtered zero padding }),
+        record!(PointBuild { given dimensions widest zero }),
+        record!(PointRecord { x y z w point }),
+        record!(PointSplit { axis bits rank known }),
+        record!(PointExtent { lower upper }),
     ]
 }
 

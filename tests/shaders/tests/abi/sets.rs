@@ -2,12 +2,14 @@
 
 use splitplane_core::kernel::{
     Buffer, CheckBuffer, CompressBuffer, DeviceChecks, Grid, KernelSet, NodeCompressor,
-    QueryBuffer, RayQueries, Slot, TreeBuilder,
+    PointBuffer, PointBuilder, PointQueries, PointQueryBuffer, QueryBuffer, RayQueries, Slot,
+    TreeBuilder,
 };
 use splitplane_render::RayTracer;
 use splitplane_render::kernel as render_kernel;
 use splitplane_shaders::{
-    CHECKS, COMPRESS, KERNELS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, Shader,
+    CHECKS, COMPRESS, KERNELS, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_RETRIES,
+    RENDER_SETTLES, Shader,
 };
 
 use crate::bindings;
@@ -126,6 +128,28 @@ impl Shaders for NodeCompressor {
 
     fn records() -> Vec<Record> {
         records::of_compressor()
+    }
+}
+
+impl Shaders for PointBuilder {
+    const TABLE: &'static [Shader] = POINT_BUILD;
+    const FOLDER: &'static str = "point_build";
+    const LAYOUT: &'static str = "point_layout";
+    const SINGLES: &'static [PointBuffer] = &[PointBuffer::Counters];
+
+    fn records() -> Vec<Record> {
+        records::of_points()
+    }
+}
+
+impl Shaders for PointQueries {
+    const TABLE: &'static [Shader] = POINTS;
+    const FOLDER: &'static str = "points";
+    const LAYOUT: &'static str = "point_walk";
+    const SINGLES: &'static [PointQueryBuffer] = &[];
+
+    fn records() -> Vec<Record> {
+        records::of_points()
     }
 }
 
