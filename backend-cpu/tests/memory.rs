@@ -5,9 +5,9 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::sync::atomic::{AtomicI64, AtomicUsize};
 use std::sync::{Mutex, MutexGuard};
 
+use rayon::prelude::*;
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions, QueryLayout};
 use splitplane_core::config::Preset;
-use rayon::prelude::*;
 use splitplane_core::error::{BuildError, QueryError};
 use splitplane_core::points::build::PointOptions;
 use splitplane_core::points::nearest::NearestOptions;
@@ -334,11 +334,8 @@ fn lists_within_a_radius_share_one_limit() {
     let points: Vec<[f32; 3]> = (0..3000).map(|_| random.point(1.0)).collect();
     let tree = CpuPointTree::build(&points, &PointOptions::default()).unwrap();
     let (queries, limit) = (vec![[0.0; 3]; 1000], 2_000_000);
-    let options = NearestOptions {
-        max_distance: 9.0,
-        max_memory: Some(limit),
-        ..NearestOptions::default()
-    };
+    let options =
+        NearestOptions { max_distance: 9.0, max_memory: Some(limit), ..NearestOptions::default() };
     // Keys and records are counted; a growing list of keys has room for as many again.
     let most = 2 * limit as i64 + 200_000;
     for threads in [1, 3] {
