@@ -330,8 +330,7 @@ where
     };
     let mut copy = Vec::new();
     let queries = given.beside(&mut copy)?;
-    let options =
-        NearestOptions { k: 0, max_distance, filter: None, max_memory, watch: caller };
+    let options = NearestOptions { k: 0, max_distance, filter: None, max_memory, watch: caller };
     tree.for_each_within(queries, &options, KEPT, |some| -> Result<(), Failure> {
         let needed = size_of_val(&found[..]) + size_of_val(some);
         found.try_reserve(some.len()).map_err(|_| Failure::memory(needed))?;

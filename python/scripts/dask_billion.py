@@ -94,7 +94,7 @@ def main() -> None:
             print(f"{done:>12,} rays in, {anonymous() / 2**20:.0f} MiB held", flush=True)
 
     with tempfile.TemporaryDirectory() as folder, dask.config.set({"temporary-directory": folder}):
-        with LocalCluster(arguments.workers, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as client:
+        with LocalCluster(arguments.workers, threads_per_worker=1, dashboard_address=":0") as cluster, Client(cluster) as client:
             out: dict[str, Any] = {}
             for name, dtype in (("t", np.float32), ("triangle", np.uint32)):
                 out[name] = np.lib.format.open_memmap(os.path.join(folder, f"{name}.npy"), "w+", dtype, (count,))

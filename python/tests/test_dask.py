@@ -45,7 +45,7 @@ def rays_at(count: int) -> np.ndarray:
 def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
     where = {"temporary-directory": str(tmp_path_factory.mktemp("dask")), "distributed.scheduler.allowed-failures": 1}
     with dask.config.set(where):
-        with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, memory_limit=0) as cluster:
+        with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0", memory_limit=0) as cluster:
             with Client(cluster) as client:
                 client.run(_see_tests, str(Path(__file__).parent))
                 yield client

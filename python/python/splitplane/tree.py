@@ -220,7 +220,7 @@ class Tree(Handle[_native.Tree]):
         accuracy: ``watertight``: no ray slips between two faces that share an edge; ``exact``: the hit of real arithmetic;
         ``fast``: may leak at edges.
         culling: ``back`` or ``front``: the side of faces that is ignored. ignore: one face that all rays ignore.
-        out: hits of an earlier call of the same shape, whose arrays are written over. Short calls are faster without new memory.
+        out: hits of an earlier call of the same shape, whose arrays are written over: no memory is taken.
         """
         native = self._native
         options = query_arguments(accuracy, culling, ignore)
