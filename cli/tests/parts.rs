@@ -202,7 +202,7 @@ fn parts_have_names_of_their_own() {
 /// Parts of an animation are shares of its frames.
 #[test]
 fn frames_are_shared_out() {
-    for scene in ["builtin:carousel:500", "builtin:flock:20"] {
+    for scene in ["builtin:carousel:4000", "builtin:flock:20"] {
         let folder = tempfile::tempdir().unwrap();
         let small = ["--size", "24x16", "--backend", "cpu", "--quiet", "--count", "5"];
         succeed(&folder, &[&["animate", scene, "--out", "whole"][..], &small].concat());
