@@ -324,7 +324,7 @@ impl PendingBuild {
         let unmapped = self.shared.gpu.guard(|| buffers.readback.unmap());
         if unmapped.is_ok() {
             let BuildOptions { config, .. } = self.options;
-            let (capacities, levels) = (self.capacities, config.max_depth);
+            let (capacities, levels) = (self.capacities, config.max_depth + 1);
             let triangles = self.capacities.triangles;
             let spare_levels = self.spare_levels;
             let pooled = Pooled { buffers, capacities, triangles, config, levels, spare_levels };
