@@ -29,8 +29,7 @@ var<workgroup> part_bounds: array<vec4<f32>, 96>;
 var<workgroup> few_bounds: array<vec4<f32>, 24>;
 
 // What the chunks before this one give to both sides. First the counts of those in its span, left in the low half and right in the
-// high one, and the sums of whole spans by lane; then sums of 16 of each.
-var<workgroup> span_lefts: array<u32, SPAN>;
+// high one, and the sums of whole spans by lane; then sums of 16 of each. What goes left stands in `cut_lanes`, which are not known yet.
 var<workgroup> span_rights: array<u32, SPAN>;
 var<workgroup> few_before: array<vec2<u32>, 16>;
 
@@ -79,7 +78,7 @@ fn load_sides(chunk: u32, place: u32, lane: u32) {
             let sides = chunks[first + span * SPAN].span_sides;
             sums += vec2<u32>(sides & 0xffffu, sides >> 16u);
         }
-        span_lefts[lane - SPAN] = sums.x;
+        cut_lanes[lane] = sums.x;
         span_rights[lane - SPAN] = sums.y;
     }
     workgroupBarrier();
@@ -94,7 +93,7 @@ fn load_sides(chunk: u32, place: u32, lane: u32) {
             sums = vec2<u32>(packed & 0xffffu, packed >> 16u);
         } else {
             for (var i = 0u; i < 16u; i++) {
-                sums += vec2<u32>(span_lefts[begin + i], span_rights[begin + i]);
+                sums += vec2<u32>(cut_lanes[SPAN + begin + i], span_rights[begin + i]);
             }
         }
         few_before[lane - 32u] = sums;

@@ -365,7 +365,7 @@ impl PendingBuild {
         // Where a browser has not told whether they are any good, they go.
         if unmapped.is_ok() && self.shared.gpu.settled(self.from) == Ok(true) {
             let BuildOptions { config, .. } = self.options;
-            let (capacities, levels) = (self.capacities, config.max_depth);
+            let (capacities, levels) = (self.capacities, config.max_depth + 1);
             let triangles = self.capacities.triangles;
             let spare_levels = self.spare_levels;
             let pooled = Pooled { buffers, capacities, triangles, config, levels, spare_levels };
