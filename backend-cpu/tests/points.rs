@@ -325,3 +325,27 @@ fn limits_and_cancellation() {
     let error = tree.within([0.0; 2], &NearestOptions { max_memory: Some(1000), ..options(1) });
     assert!(matches!(error, Err(QueryError::OutOfMemory { limit: 1000, .. })), "{error:?}");
 }
+
+/// Lists of a batch are those of single queries, in as little memory as they take twice, and end where they should.
+#[test]
+fn lists_of_a_batch() {
+    let mut random = Random::new(31);
+    let points: Vec<[f32; 3]> = (0..4000).map(|_| random.point(1.0)).collect();
+    let tree = CpuPointTree::build(&points, &PointOptions::default()).unwrap();
+    let queries = queries(&points, &mut random);
+    let near = NearestOptions { max_distance: 0.2, ..options(1) };
+    let lists = tree.within_each(&queries, &near).unwrap();
+    assert_eq!(lists.queries(), queries.len());
+    for (place, &query) in queries.iter().enumerate() {
+        assert_eq!(lists.of(place), tree.within(query, &near).unwrap(), "{query:?}");
+    }
+    assert!(lists.found.len() > 300, "{}", lists.found.len());
+    let held = (16 * lists.found.len() + 8 * lists.starts.len()) as u64;
+    let limited = |most| NearestOptions { max_memory: Some(most), ..near };
+    assert_eq!(tree.within_each(&queries, &limited(3 * held)).unwrap().found, lists.found);
+    let error = tree.within_each(&queries, &limited(held - 1));
+    assert!(matches!(error, Err(QueryError::OutOfMemory { .. })), "{error:?}");
+    let stop = |_: &Progress| ControlFlow::Break(());
+    let error = tree.within_each(&queries, &NearestOptions { watch: Some(&stop), ..near });
+    assert!(matches!(error, Err(QueryError::Cancelled { done: 0, .. })), "{error:?}");
+}

@@ -211,7 +211,7 @@ fn planted_faults_are_named() {
         (K::PointExtents, "max(most_bits, bits)", "min(most_bits, bits)"),
         (K::PointExtents, "atomicLoad(&upper[2])", "atomicLoad(&upper[3])"),
         (K::ChooseAxes, "extent > greatest", "extent < greatest"),
-        (K::ChooseAxes, "BLOCK << (height - 1u)", "BLOCK << height"),
+        (K::ChooseAxes, "POINT_BLOCK << (height - 1u)", "POINT_BLOCK << height"),
         (K::CountDigits, "differs == 0u", "true"),
         (K::PickDigits, "split.known + 8u", "split.known + 7u"),
         (K::PickDigits, "split.rank - before", "split.rank"),
@@ -223,7 +223,7 @@ fn planted_faults_are_named() {
         (K::NextHeight, "height > SMALL_HEIGHT", "height >= SMALL_HEIGHT"),
         (K::BuildSmallPoints, "order[a] > order[b]", "order[a] < order[b]"),
         (K::BuildSmallPoints, "lane * run + run / 2u", "lane * run"),
-        (K::BuildSmallPoints, "sort_runs(lane, BLOCK);", ""),
+        (K::BuildSmallPoints, "sort_runs(lane, POINT_BLOCK);", ""),
         (K::BuildSmallPoints, "size == run || ", ""),
     ];
     let cloud = cloud();
