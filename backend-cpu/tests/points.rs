@@ -327,7 +327,7 @@ fn limits_and_cancellation() {
 }
 
 /// All lists, and why there are no more.
-fn within_each(
+fn lists_under(
     tree: &CpuPointTree<3>,
     queries: &[[f32; 3]],
     max_memory: Option<u64>,
@@ -364,11 +364,11 @@ fn lists_are_those_of_each_query_whatever_the_limit_and_the_threads() {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| {
                 for limit in [None, Some(10 * least), Some(least)] {
-                    let (lists, error) = within_each(&tree, &queries, limit, kept);
+                    let (lists, error) = lists_under(&tree, &queries, limit, kept);
                     assert!(error.is_none(), "{error:?}, {threads} threads, {limit:?}");
                     assert_eq!(lists, expected, "{threads} threads, {limit:?}");
                 }
-                let (lists, error) = within_each(&tree, &queries, Some(least - 1), kept);
+                let (lists, error) = lists_under(&tree, &queries, Some(least - 1), kept);
                 let lacks = Some(QueryError::OutOfMemory { needed: least, limit: least - 1 });
                 assert_eq!(format!("{error:?}"), format!("{lacks:?}"), "{threads} threads");
                 assert_eq!(lists, expected[..lists.len()]);
@@ -395,4 +395,28 @@ fn a_watch_ends_lists() {
     });
     assert!(matches!(done, Err(QueryError::Cancelled { total: 8000, .. })), "{done:?}");
     assert!(shown < 4000 && most.into_inner() < 4000, "{shown} lists");
+}
+
+/// Lists of a batch are those of single queries, in as little memory as they take twice, and end where they should.
+#[test]
+fn lists_of_a_batch() {
+    let mut random = Random::new(31);
+    let points: Vec<[f32; 3]> = (0..4000).map(|_| random.point(1.0)).collect();
+    let tree = CpuPointTree::build(&points, &PointOptions::default()).unwrap();
+    let queries = queries(&points, &mut random);
+    let near = NearestOptions { max_distance: 0.2, ..options(1) };
+    let lists = tree.within_each(&queries, &near).unwrap();
+    assert_eq!(lists.queries(), queries.len());
+    for (place, &query) in queries.iter().enumerate() {
+        assert_eq!(lists.of(place), tree.within(query, &near).unwrap(), "{query:?}");
+    }
+    assert!(lists.found.len() > 300, "{}", lists.found.len());
+    let held = (16 * lists.found.len() + 8 * lists.starts.len()) as u64;
+    let limited = |most| NearestOptions { max_memory: Some(most), ..near };
+    assert_eq!(tree.within_each(&queries, &limited(3 * held)).unwrap().found, lists.found);
+    let error = tree.within_each(&queries, &limited(held - 1));
+    assert!(matches!(error, Err(QueryError::OutOfMemory { .. })), "{error:?}");
+    let stop = |_: &Progress| ControlFlow::Break(());
+    let error = tree.within_each(&queries, &NearestOptions { watch: Some(&stop), ..near });
+    assert!(matches!(error, Err(QueryError::Cancelled { done: 0, .. })), "{error:?}");
 }

@@ -190,7 +190,11 @@ fn planted_faults_are_found() {
             "block = select(middle - (1u << level), middle, own < plane)",
             "block = middle",
         ),
-        (K::NearestPoint, "min(point_batch.points, first + BLOCK)", "first + BLOCK - 1u"),
+        (
+            K::NearestPoint,
+            "min(point_batch.points, first + POINT_BLOCK)",
+            "first + POINT_BLOCK - 1u",
+        ),
         (K::NearestPoints, "is_before(greater, other)", "is_before(other, greater)"),
         (K::NearestPoints, "if !is_before(key, greater)", "if is_before(key, greater)"),
         (K::NearestPoints, "heap_keys[at * LANES + own_lane] = key", "heap_keys[at * LANES] = key"),

@@ -51,5 +51,5 @@ fn visit(place: u32, bits: u32) {
 
 // The list of a query that was not finished.
 fn mark_list(index: u32) {
-    found[index * point_batch.room].x = POINT_BATCH_UNFINISHED;
+    found[index * point_batch.room].x = POINT_BATCH_ENDED_EARLY;
 }

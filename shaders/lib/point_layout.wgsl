@@ -34,7 +34,7 @@ struct PointExtent {
 }
 
 // Points of a block.
-const BLOCK: u32 = 16u;
+const POINT_BLOCK: u32 = 16u;
 // Points of a chunk.
 const POINT_CHUNK: u32 = 1024u;
 // The height of a node that is a chunk.
@@ -73,7 +73,7 @@ fn unit_exponent() -> i32 {
 }
 
 fn block_count() -> u32 {
-    return (kept_count() + BLOCK - 1u) / BLOCK;
+    return (kept_count() + POINT_BLOCK - 1u) / POINT_BLOCK;
 }
 
 // The coordinate of a record along an axis.

@@ -21,5 +21,5 @@ fn end_list(index: u32) {
 
 // The list of a query that was not finished.
 fn mark_list(index: u32) {
-    found[index].x = POINT_BATCH_UNFINISHED;
+    found[index].x = POINT_BATCH_ENDED_EARLY;
 }

@@ -26,14 +26,14 @@ struct PointBatch {
 @group(0) @binding(4) var<uniform> point_batch: PointBatch;
 
 // Points of a block.
-const BLOCK: u32 = 16u;
+const POINT_BLOCK: u32 = 16u;
 const LANES: u32 = 64u;
 // Levels above blocks: 2^30 points have no more.
 const LEVELS: u32 = 26u;
 const ALL_LEVELS: u32 = (1u << LEVELS) - 1u;
 const SLOTS: u32 = LANES * LEVELS;
 // In place of the number of points, or of the bits of the first distance: the driver did not let the query finish.
-const POINT_BATCH_UNFINISHED: u32 = 0xffffffffu;
+const POINT_BATCH_ENDED_EARLY: u32 = 0xffffffffu;
 
 // A word a level and invocation.
 var<workgroup> level_words: array<u32, SLOTS>;
@@ -114,7 +114,7 @@ fn walk_points(query: vec4<f32>) -> bool {
     if point_batch.points == 0u {
         return true;
     }
-    let blocks = (point_batch.points + BLOCK - 1u) / BLOCK;
+    let blocks = (point_batch.points + POINT_BLOCK - 1u) / POINT_BLOCK;
     var height = point_batch.height;
     var block = 0u;
     // How far the space of the node is from the query along each axis, at least.
@@ -140,8 +140,8 @@ fn walk_points(query: vec4<f32>) -> bool {
             }
             continue;
         }
-        let first = block * BLOCK;
-        let last = min(point_batch.points, first + BLOCK);
+        let first = block * POINT_BLOCK;
+        let last = min(point_batch.points, first + POINT_BLOCK);
         for (var place = first; place < last; place++) {
             let bits = bitcast<u32>(distance_squared(query, points[place]));
             if bits <= stop.x && is_allowed(place) {

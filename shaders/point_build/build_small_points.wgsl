@@ -12,7 +12,7 @@
 @group(0) @binding(5) var<storage, read_write> indices: array<u32>;
 
 // Most nodes of a level that are divided: those of two blocks.
-const MOST_SMALL: u32 = POINT_CHUNK / (2u * BLOCK);
+const MOST_SMALL: u32 = POINT_CHUNK / (2u * POINT_BLOCK);
 const SIDES: u32 = 4u * MOST_SMALL;
 
 // What points are sorted by, and then by their places in the chunk at first, which are in the order of indices.
@@ -66,7 +66,7 @@ fn main(
         }
         workgroupBarrier();
         for (var height = top; height > 0u; height--) {
-            let run = BLOCK << height;
+            let run = POINT_BLOCK << height;
             let small = POINT_CHUNK / run;
             let first = chunk << (SMALL_HEIGHT - height);
             for (var side = lane; side < SIDES; side += LANES) {
@@ -131,7 +131,7 @@ fn main(
             keys[at] = 0u;
         }
         workgroupBarrier();
-        sort_runs(lane, BLOCK);
+        sort_runs(lane, POINT_BLOCK);
         for (var at = lane; at < here; at += LANES) {
             let record = records[start + order[at]];
             points[start + at] = vec4<f32>(

@@ -59,7 +59,7 @@ fn main(
                 axis = widest_axis(least_bits, most_bits);
             }
             let is_divided = middle_of(node, height) < block_count();
-            let rank = select(0u, BLOCK << (height - 1u), is_divided);
+            let rank = select(0u, POINT_BLOCK << (height - 1u), is_divided);
             splits[node] = PointSplit(select(UNDIVIDED, axis, is_divided), 0u, rank, 0u);
         }
         workgroupBarrier();

@@ -1,5 +1,5 @@
 // Goes on to the next level.
-// One workgroup, of one invocation.
+// One workgroup, of which one invocation does it.
 // Reads: the counters.
 // Writes: the counters.
 // Ties: none.
@@ -7,9 +7,9 @@
 @group(0) @binding(0) var<uniform> point_build: PointBuild;
 @group(0) @binding(1) var<storage, read_write> counters: array<u32, 16>;
 
-@compute @workgroup_size(1)
-fn main() {
-    if large_count() == 0u {
+@compute @workgroup_size(256)
+fn main(@builtin(local_invocation_index) lane: u32) {
+    if lane != 0u || large_count() == 0u {
         return;
     }
     let height = height_of_level() - 1u;

@@ -40,7 +40,7 @@ fn main(@builtin(local_invocation_index) lane: u32) {
         return;
     }
     let kept = scan_sum().x;
-    let blocks = (kept + BLOCK - 1u) / BLOCK;
+    let blocks = (kept + POINT_BLOCK - 1u) / POINT_BLOCK;
     // The least height of a node that has all blocks.
     let height = select(0u, firstLeadingBit(max(blocks, 2u) - 1u) + 1u, blocks > 1u);
     let all_chunks = (kept + POINT_CHUNK - 1u) / POINT_CHUNK;

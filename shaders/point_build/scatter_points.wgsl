@@ -23,8 +23,8 @@ fn main(
     for (var chunk = workgroup.x; chunk < active_chunk_count(); chunk += workgroups.x) {
         let node = chunk >> (height - SMALL_HEIGHT);
         let split = splits[node];
-        let start = (node << height) * BLOCK;
-        let middle = start + (BLOCK << (height - 1u));
+        let start = (node << height) * POINT_BLOCK;
+        let middle = start + (POINT_BLOCK << (height - 1u));
         let first = chunk * POINT_CHUNK + lane * SHARE;
         let end = min(kept_count(), first + SHARE);
         var own = vec2<u32>(0u);

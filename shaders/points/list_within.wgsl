@@ -38,5 +38,5 @@ fn main(
     own_count = 0u;
     stop = vec2<u32>(point_batch.reach, 0xffffffffu);
     let done = walk_points(queries[index]);
-    counts[index] = select(POINT_BATCH_UNFINISHED, own_count, done);
+    counts[index] = select(POINT_BATCH_ENDED_EARLY, own_count, done);
 }

@@ -31,7 +31,7 @@ pub struct PointBatch {
 
 impl PointBatch {
     /// In place of the number of points, or of the bits of the first distance: the driver did not let the query finish.
-    pub const UNFINISHED: u32 = u32::MAX;
+    pub const ENDED_EARLY: u32 = u32::MAX;
 }
 
 /// The inputs of the kernels that build a tree of points: the WGSL struct of the same name.

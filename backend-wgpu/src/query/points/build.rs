@@ -86,8 +86,8 @@ fn room(buffer: PointBuffer, inputs: &PointBuild, kept: usize) -> usize {
 
 /// Bytes of a buffer, which is never empty.
 fn bytes(buffer: PointBuffer, inputs: &PointBuild, kept: usize) -> u64 {
-    let bytes = room(buffer, inputs, kept) as u64 * buffer.element_size() as u64;
-    bytes.next_multiple_of(16).max(16)
+    let elements = room(buffer, inputs, kept).max(1);
+    (elements as u64 * buffer.element_size() as u64).next_multiple_of(16)
 }
 
 /// What a build needs on the device, the tree included.

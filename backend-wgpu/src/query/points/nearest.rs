@@ -110,7 +110,7 @@ impl<const N: usize> WgpuPointTree<N> {
         let given = self.tree().report().points;
         for pair in bytes.chunks_exact(8) {
             let [squared, index] = words_of(pair);
-            if squared == PointBatch::UNFINISHED {
+            if squared == PointBatch::ENDED_EARLY {
                 return false;
             }
             if index == u32::MAX {

@@ -81,7 +81,7 @@ impl<const N: usize> WgpuPointTree<N> {
         Ok(lists)
     }
 
-    /// How many points are within reach of each query, or [`PointBatch::UNFINISHED`] where the host must say.
+    /// How many points are within reach of each query, or [`PointBatch::ENDED_EARLY`] where the host must say.
     fn count_within(
         &self,
         queries: &[[f32; N]],
@@ -97,7 +97,7 @@ impl<const N: usize> WgpuPointTree<N> {
             let own = queries[range].iter().zip(bytes.chunks_exact(4));
             counts.extend(own.map(|(&query, word)| match self.on_device(query) {
                 Some(_) => bytemuck::pod_read_unaligned(word),
-                None => PointBatch::UNFINISHED,
+                None => PointBatch::ENDED_EARLY,
             }));
             Ok(())
         })?;
@@ -170,7 +170,7 @@ impl<const N: usize> WgpuPointTree<N> {
                 continue;
             }
             let is_near = self.on_device(queries[place]).is_some();
-            lists.report.unfinished += u64::from(is_near && said == PointBatch::UNFINISHED);
+            lists.report.unfinished += u64::from(is_near && said == PointBatch::ENDED_EARLY);
             self.push_on_host(queries[place], lists, options)?;
         }
         Ok(())

@@ -102,7 +102,11 @@ const DEVICE_ONLY: &[(&str, Only, &str)] = &[
     ("TOP_ALWAYS", Only::Alias("ALWAYS"), "has a module of its own in the core"),
     ("TOP_NONE", word(u32::MAX), "one of several of its name in the core"),
     ("NO_INSTANCE", word(u32::MAX), "an `Option` on the CPU"),
-    ("UNDIVIDED", Only::Alias("POINT_SPLIT_UNDIVIDED"), "a name of its own in the core"),
+    (
+        "POINT_BLOCK",
+        word(splitplane_core::points::tree::BLOCK as u32),
+        "one of several of its name",
+    ),
     ("SHARE", Only::Any, "points of an invocation"),
     ("MOST_SMALL", Only::Any, "an array's length"),
     ("SIDES", Only::Any, "an array's length"),
