@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::Acquire;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use rayon::prelude::*;
 use splitplane_core::error::{QueryError, check_bytes};
@@ -17,9 +17,11 @@ use super::super::settle::Asking;
 use super::super::slices::SliceRays;
 use super::device::padded;
 use super::tree::WgpuPointTree;
+use crate::device::clock::Instant;
 use crate::device::kernel_set::Bound;
 use crate::device::once;
 use crate::device::scope::checked;
+use crate::device::wait::Wait;
 use crate::error::GpuError;
 
 /// Interval between two calls of the watch.
@@ -125,6 +127,7 @@ impl<const N: usize> WgpuPointTree<N> {
         asking: &Asking<'_>,
         mut answer: impl FnMut(Range<usize>, &[u8]) -> Result<(), QueryError>,
     ) -> Result<(), QueryError> {
+        Wait::Blocking.check()?;
         let most = self.most_queries(asked.result_bytes().max(16), max_memory)?;
         let mut size = self.slices().first(most as u32);
         let (mut next, mut pending) = (0, None);
@@ -156,7 +159,7 @@ impl<const N: usize> WgpuPointTree<N> {
             };
             if let Some(set) = uploaded {
                 self.submit_slice(&set, slice.len() as u32, asked)?;
-                let done = asking.watch().map(|_| self.queries().gpu().submitted_work_done());
+                let done = asking.watch().map(|_| self.queries().gpu().submitted_work_done().0);
                 pending = Some(Pending { set, queries: slice, since: Instant::now(), done });
             }
             if let Some((range, words)) = done {

@@ -1,7 +1,7 @@
 //! Trees of points built on the device: see [`splitplane_core::build::points`].
 
 use std::ops::ControlFlow;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use splitplane_core::build::points::{build, large_levels};
 use splitplane_core::kernel::{
@@ -19,10 +19,12 @@ use wgpu::{BufferBinding, BufferUsages as Usage};
 use super::super::pipelines::Queries;
 use super::super::tree::can_be_bound;
 use super::device::DevicePoints;
+use crate::device::clock::Instant;
 use crate::device::gpu::Gpu;
 use crate::device::host;
 use crate::device::readback::read;
 use crate::device::scope::checked;
+use crate::device::wait::Wait;
 use crate::device::{BindGroups, DeviceExecutor, DeviceSet, Job, LoopControl, Piece, Round, Text};
 use crate::error::GpuError;
 
@@ -228,6 +230,7 @@ pub(super) fn built<const N: usize>(
     };
     tell(0)?;
     let gpu = queries.gpu();
+    Wait::Blocking.check()?;
     let job = BuildingPoints::check_and_make(gpu, points, options, kept)?;
     let mut executor = DeviceExecutor::new(gpu, &queries.pipelines, job, LoopControl::Recorded);
     checked(gpu, "building a tree of points", || {
@@ -235,7 +238,7 @@ pub(super) fn built<const N: usize>(
         executor.submit()
     })?;
     if options.watch.is_some() {
-        let (done, since) = (gpu.submitted_work_done(), Instant::now());
+        let (done, since) = (gpu.submitted_work_done().0, Instant::now());
         while !done.load(std::sync::atomic::Ordering::Acquire) && since.elapsed() < gpu.timeout() {
             tell(0)?;
             std::thread::sleep(POLL_INTERVAL);

@@ -1,7 +1,6 @@
 //! The points within a radius, as a device finds them: it counts them, and then lists those of a run of queries at a time.
 
 use std::ops::Range;
-use std::time::Instant;
 
 use splitplane_core::error::{QueryError, check_bytes, refused};
 use splitplane_core::kernel::{PointQueryBuffer, PointQueryKernel};
@@ -14,6 +13,7 @@ use super::super::settle::Asking;
 use super::batch::Asked;
 use super::nearest::words_of;
 use super::tree::WgpuPointTree;
+use crate::device::clock::Instant;
 use crate::device::readback::read;
 use crate::device::scope::checked;
 
@@ -210,7 +210,7 @@ impl<const N: usize> WgpuPointTree<N> {
                     }
                 })?;
                 gpu.submit([encoder.finish()])?;
-                Ok((counts, found, asking.watch().map(|_| gpu.submitted_work_done())))
+                Ok((counts, found, asking.watch().map(|_| gpu.submitted_work_done().0)))
             })?;
         if let Some(done) = done {
             self.watch_until(&done, Instant::now(), asking)?;
