@@ -66,8 +66,8 @@ pub(super) struct Look {
     /// Width and height in pixels
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
     pub(super) size: Size,
-    /// Camera rays a pixel, 1 to 64; when left out 4 for still pictures, 16 where surfaces shine, and
-    /// 1 in animations
+    /// Camera rays a pixel, 1 to 64; when left out 4 for still pictures, 16 where surfaces or a picture around shine,
+    /// and 1 in animations
     #[arg(long, value_name = "N")]
     samples: Option<u32>,
     /// How light travels; all but `direct` on the CPU only

@@ -12,7 +12,7 @@ use super::stage::{Stage, open_for_pictures};
 use super::{output, part_file, progress};
 use clap::Args;
 use serde::Serialize;
-use splitplane::render::{FrameStats, Outputs, Part, RenderSettings};
+use splitplane::render::{FrameStats, Outputs, Part, RenderSettings, SceneData};
 use splitplane::scene::{InstancedScene, Scene, SceneOptions};
 use splitplane::tracer::{Frame, FrameRequest};
 use splitplane_scene::from_file::quoted_path;
@@ -23,7 +23,7 @@ use std::time::Instant;
 
 /// Shown without arguments: enough to see what the tree is for, quick to build.
 const DEFAULT_SCENE: &str = "builtin:city";
-/// Camera rays a pixel of a still picture, without and with surfaces that shine.
+/// Camera rays a pixel of a still picture, without and with light that is sampled: of surfaces that shine, or of an environment map.
 const SAMPLES: [u32; 2] = [4, 16];
 
 #[derive(Args, Debug)]
@@ -77,7 +77,7 @@ impl Arguments {
         spinner.finish_and_clear();
         let mut stage = Stage::set(scene, opened, look, common)?;
         let path = self.path(&stage.scene.name);
-        let shines = stage.tracer.appearance().needs().emitters > 0;
+        let shines = shines(stage.tracer.appearance());
         let request = self.request(&stage.placed, shines, &path)?;
         if self.explain {
             let plan = stage.tracer.plan(&request)?;
@@ -120,7 +120,7 @@ impl Arguments {
         let Arguments { look, common, .. } = self;
         let mut stage = ObjectStage::set(&self.scene, look, common)?;
         let path = self.path(&stage.scene.name);
-        let shines = stage.tracer.appearance().needs().emitters > 0;
+        let shines = shines(stage.tracer.appearance());
         let request = self.request(&stage.placed, shines, &path)?;
         if self.explain {
             let plan = stage.tracer.plan(&request)?;
@@ -277,6 +277,12 @@ struct RenderReport {
     trace_ms: Option<f64>,
     render_ms: f64,
     output: Vec<String>,
+}
+
+/// Whether light is sampled: that of surfaces, or of a map. It takes more camera rays.
+fn shines(scene: &SceneData) -> bool {
+    let needs = scene.needs();
+    needs.emitters > 0 || needs.environment_map
 }
 
 /// A name in the current folder that no scene file has.
