@@ -13,19 +13,22 @@ use super::{Compiled, Direction, Simd};
 pub(crate) struct Avx2;
 
 /// For each mask of eight its lanes, consecutively.
-static LANES_OF: [[u8; 8]; 256] = lanes_of();
+static LANES_OF: [[u8; 8]; 256] = lanes_of(false);
+/// Forwards, then backwards.
+static LANES_BY_DIRECTION: [[[u8; 8]; 256]; 2] = [lanes_of(false), lanes_of(true)];
 
-const fn lanes_of() -> [[u8; 8]; 256] {
+const fn lanes_of(backwards: bool) -> [[u8; 8]; 256] {
     let mut table = [[0; 8]; 256];
     let mut mask = 0;
     while mask < 256 {
-        let (mut lane, mut end) = (0, 0);
-        while lane < 8 {
+        let (mut i, mut end) = (0, 0);
+        while i < 8 {
+            let lane = if backwards { 7 - i } else { i };
             if mask >> lane & 1 != 0 {
                 table[mask][end] = lane as u8;
                 end += 1;
             }
-            lane += 1;
+            i += 1;
         }
         mask += 1;
     }
@@ -198,20 +201,21 @@ impl Simd for Avx2 {
         to_children: *mut u32,
         to_t: *mut f32,
     ) -> u32 {
+        unsafe { push(children, t, mask, order, direction, to_children, to_t).0 }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn push_met(
+        children: *const u32,
+        enter: __m256,
+        exit: __m256,
+        order: *const u8,
+        direction: &Direction,
+        to_children: *mut u32,
+        to_t: *mut f32,
+    ) -> (u32, usize) {
         unsafe {
-            let read = _mm_load_si128(direction.places.as_ptr().cast());
-            let in_direction = _mm_shuffle_epi8(_mm_loadl_epi64(order.cast()), read);
-            let places = _mm256_cvtepu8_epi32(in_direction);
-            let in_order = _mm256_movemask_ps(_mm256_permutevar8x32_ps(mask, places)) as usize;
-            let lanes = _mm_loadl_epi64(LANES_OF[in_order].as_ptr().cast());
-            let places = _mm256_cvtepu8_epi32(_mm_shuffle_epi8(in_direction, lanes));
-            _mm256_storeu_ps(to_t, _mm256_permutevar8x32_ps(t, places));
-            let all = _mm256_loadu_si256(children.cast());
-            let met = _mm256_permutevar8x32_epi32(all, places);
-            _mm256_storeu_si256(to_children.cast(), met);
-            let last = 7 - ((in_order as u8) | 1).leading_zeros() as usize % 8;
-            let last = *direction.places.get_unchecked(last) as usize;
-            *children.add(*order.add(last) as usize)
+            let met = Self::le(enter, exit);
+            push(children, enter, met, order, direction, to_children, to_t)
         }
     }
     #[cfg_attr(not(unoptimised), inline(always))]
@@ -230,6 +234,40 @@ impl Simd for Avx2 {
 unsafe fn in_its_own_function<T: Compiled>(task: T) -> T::Output {
     // SAFETY: the caller's contract.
     unsafe { task.run::<Avx2>() }
+}
+
+/// [`Simd::push`], and how many count. The mask is brought into the stored order, whose direction matters only for which table
+/// says where its lanes go.
+///
+/// # Safety
+/// As for [`Simd::push`].
+#[cfg_attr(not(unoptimised), inline(always))]
+unsafe fn push(
+    children: *const u32,
+    t: __m256,
+    mask: __m256,
+    order: *const u8,
+    direction: &Direction,
+    to_children: *mut u32,
+    to_t: *mut f32,
+) -> (u32, usize) {
+    unsafe {
+        // The first place that is read is 0 or 7.
+        let table = LANES_BY_DIRECTION.get_unchecked((direction.places[0] & 1) as usize);
+        let stored = _mm_loadl_epi64(order.cast());
+        let in_order = _mm256_permutevar8x32_ps(mask, _mm256_cvtepu8_epi32(stored));
+        let in_order = _mm256_movemask_ps(in_order) as u32;
+        let count = in_order.count_ones() as usize;
+        let lanes = table.as_ptr().cast::<u8>().add(8 * in_order as usize);
+        let places = _mm_shuffle_epi8(stored, _mm_loadl_epi64(lanes.cast()));
+        let places = _mm256_cvtepu8_epi32(places);
+        _mm256_storeu_ps(to_t, _mm256_permutevar8x32_ps(t, places));
+        let all = _mm256_loadu_si256(children.cast());
+        let met = _mm256_permutevar8x32_epi32(all, places);
+        _mm256_storeu_si256(to_children.cast(), met);
+        let last = *lanes.add(count.wrapping_sub(1) & 7) as usize;
+        (*children.add(*order.add(last) as usize), count)
+    }
 }
 
 /// Four rows as columns of four: the k-th vector has, in each half, a column.

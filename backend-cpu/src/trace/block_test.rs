@@ -128,9 +128,13 @@ pub(crate) unsafe fn test<S: Simd, T: TriangleBlock>(
             let t = inner * power_of_two(-ray_state.exponent);
             // What was flushed or clamped may be the same for others too.
             if (f32::MIN_POSITIVE..f32::MAX).contains(&t.abs()) {
-                let det = S::lane(meeting.det, index);
-                let u = snap(S::lane(meeting.v, index) / det);
-                let v = snap(S::lane(meeting.w, index) / det);
+                // Nobody asks where in the triangle any hit is.
+                let (mut u, mut v) = (0.0, 0.0);
+                if !any {
+                    let det = S::lane(meeting.det, index);
+                    u = snap(S::lane(meeting.v, index) / det);
+                    v = snap(S::lane(meeting.w, index) / det);
+                }
                 let hit = Hit { t, triangle: block.triangle(index), u, v };
                 let better =
                     ray_state.limits[0] <= t && t <= ray_state.limits[1] && hit.precedes(&best.hit);
