@@ -4,7 +4,6 @@ use rayon::prelude::*;
 use splitplane_core::error::{QueryError, check_bytes, refused};
 use splitplane_core::points::build::{PointBuild, PointBuildError, PointOptions, Subtree};
 use splitplane_core::points::collect::Collector;
-use splitplane_core::points::lists::NeighbourLists;
 use splitplane_core::points::nearest::{NearestOptions, Neighbour, first_stop};
 use splitplane_core::points::tree::PointTree;
 use splitplane_core::query::closest_point::check_lengths;
