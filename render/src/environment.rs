@@ -5,7 +5,6 @@ use crate::layout::Frame;
 use crate::planted::{Fault, is_planted};
 use crate::scene_words::SceneWords;
 use crate::vector::{Vector, add, mix, scaled, sub};
-use crate::warp::ONE_OVER_PI;
 
 /// Radiance from a direction of length 1.
 pub(crate) fn radiance(scene: &SceneWords<'_>, direction: Vector) -> Vector {
@@ -24,8 +23,8 @@ pub(crate) fn radiance(scene: &SceneWords<'_>, direction: Vector) -> Vector {
 /// The sample of a map that two random words choose; `None` where there is no map, or nothing comes from there.
 pub(crate) fn sample(scene: &SceneWords<'_>, words: [u32; 2]) -> Option<MapSample> {
     let mut sample = scene.environment?.sample(words);
-    if is_planted(scene.frame, Fault::MapEvenly) {
-        sample.density = 0.25 * ONE_OVER_PI;
+    if is_planted(scene.frame, Fault::MapDensity) {
+        sample.density *= 4.0;
     }
     (sample.density > 0.0).then_some(sample)
 }

@@ -20,8 +20,8 @@ pub(crate) enum Fault {
     CausticsTwice,
     /// Photons that chance lets go on do not carry the power of those that it ends.
     PhotonsAsTheyAre,
-    /// Directions that are drawn by the light of a map count as if they were drawn evenly.
-    MapEvenly,
+    /// Directions that are drawn by the light of a map have a density four times as high.
+    MapDensity,
 }
 
 /// Whether a fault is planted in the frame.

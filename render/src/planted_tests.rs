@@ -95,10 +95,10 @@ fn faults_of_light_are_found() {
         (Fault::PhotonsAsTheyAre, Photons, Maps, sphere),
         (Fault::CausticsTwice, Photons, Final, mirror),
         (Fault::SharesOfOne, Paths, Maps, sky),
-        (Fault::MapEvenly, LightTransport::Direct, Maps, sky),
-        (Fault::MapEvenly, Paths, Maps, sky),
-        (Fault::MapEvenly, Photons, Maps, sky),
-        (Fault::MapEvenly, Photons, Final, sky),
+        (Fault::MapDensity, LightTransport::Direct, Maps, sky),
+        (Fault::MapDensity, Paths, Maps, sky),
+        (Fault::MapDensity, Photons, Maps, sky),
+        (Fault::MapDensity, Photons, Final, sky),
     ];
     for (fault, light, gather, (judge, chance)) in cases {
         let right = settings(light, gather);
