@@ -3,7 +3,8 @@
 //! The live elements of every list that a kernel reads or writes, once each. Of lists that are appended to, what is
 //! new. Left out is what is reached by index and only for some elements: corners by kernels that do not go through the
 //! triangles, references by kernels that do not go through chunks. Of lists whose length no counter tells, such as the pool of the
-//! middle stage, shaders count what they read and write (`count/rewrite.rs`), each time that they do.
+//! middle stage, shaders count what they read and write (`count/rewrite.rs`), each time that they do: an upper
+//! bound, since a word that several invocations read at once counts for each.
 
 use splitplane::core::kernel::{Access, Buffer, Counter, Grid, Kernel, KernelSet, TreeBuilder};
 use splitplane::core::layout::Counters;
