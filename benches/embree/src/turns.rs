@@ -7,11 +7,14 @@ use splitplane_core::ray::Ray;
 /// Distance (infinity for none) and triangle of each ray's hit.
 pub(crate) type Answers = [(f32, u32)];
 
+/// Writes an answer for each ray.
+type Answering<'a, A> = Box<dyn Fn(&[Ray], &mut A) + 'a>;
+
 /// Someone who answers rays.
 pub(crate) struct Contestant<'a> {
     pub name: String,
-    pub closest: Box<dyn Fn(&[Ray], &mut Answers) + 'a>,
-    pub any: Box<dyn Fn(&[Ray], &mut [bool]) + 'a>,
+    pub closest: Answering<'a, Answers>,
+    pub any: Answering<'a, [bool]>,
 }
 
 /// Rays of a million that may be answered differently: those that graze an edge, or start on a surface.
