@@ -201,7 +201,7 @@ export interface AnyTree {
 }
 
 export interface GpuOptions {
-    /** Seconds that opening the device, and later each wait for it, may take: a minute if left out, half an hour for software. */
+    /** Seconds that opening the device, and later each wait for it, may take: a minute if left out, but half an hour for each wait for software. */
     timeout?: number;
     /** Ends the opening with code `cancelled`, at its end. */
     signal?: AbortSignal;

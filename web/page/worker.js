@@ -132,7 +132,8 @@ async function buildOnGpu(preset) {
             tell("gpu", { state: "opening" });
             gpu.device?.free();
             gpu.device = null;
-            const device = await Gpu.open({ signal });
+            // Software takes minutes for the shaders on a busy machine, and who asked for it here may wait.
+            const device = await Gpu.open({ signal, timeout: 300 });
             if (gpu.device === null) gpu.device = device;
             else device.free();
         }

@@ -44,7 +44,7 @@ async function failure(work) {
 let backend = null;
 let gpu = null;
 
-/** Opens the GPU: the first one, or another after a loss. Most of the time is the self-test's, whose shaders SwiftShader compiles. */
+/** Opens the GPU. Most of the time is the self-test's, whose shaders SwiftShader compiles. */
 export async function open() {
     await api.init();
     const since = performance.now();
@@ -143,15 +143,14 @@ export async function choice() {
 }
 
 /** The device goes away in the middle of work: errors, and the CPU goes on. */
-export async function lost(how) {
+export async function lost() {
     const [{ positions, indices }, scale] = MESHES.web_noise;
     const own = gpu;
     const tree = await own.build(positions, indices);
     const asked = rays(1000, scale);
     const before = await tree.closestHitsAsync(asked);
     const under = [own.build(positions, indices), tree.closestHitsAsync(asked)].map((work) => failure(() => work));
-    if (how === "destroy") device.destroy();
-    else await new Promise((gone) => (window.kill = () => device.lost.then(gone)));
+    device.destroy();
     const found = { during: await Promise.all(under) };
     found.query = await failure(() => tree.closestHitsAsync(asked));
     found.build = await failure(() => own.build(positions, indices));

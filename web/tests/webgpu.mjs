@@ -106,7 +106,7 @@ try {
         assert.ok(isSame);
     });
 
-    await step("a device that is destroyed in the middle of work", async () => isLost(await run(page, "lost", "destroy")));
+    await step("a device that is destroyed in the middle of work", async () => isLost(await run(page, "lost")));
     assert.deepEqual(problems, []);
 
     await step("the demonstration page builds on both, side by side", async () => {
@@ -126,19 +126,6 @@ try {
         await shown.close();
     });
     assert.deepEqual(problems, []);
-
-    await step("another device is opened, and the process of the GPU ends", async () => {
-        assert.equal((await run(page, "open")).parity, "bitwise");
-        const work = run(page, "lost", "crash");
-        await page.waitForFunction(() => window.kill !== undefined);
-        const other = await browser.newPage();
-        await page.evaluate(() => void window.kill());
-        await other.goto("chrome://gpucrash").catch(() => {});
-        isLost(await work);
-        await other.close();
-    });
-    // The browser's own complaint about that is what is wanted.
-    assert.ok(problems.every((problem) => /GPU|context/i.test(problem)), problems.join("\n"));
 } catch (error) {
     for (const problem of problems) console.error(problem);
     console.error(error);
