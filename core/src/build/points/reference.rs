@@ -306,7 +306,8 @@ impl<'a> Reference<'a> {
     }
 
     fn build_small_points(&mut self) {
-        (self.points.clear(), self.indices.clear());
+        self.points.clear();
+        self.indices.clear();
         let top = self.counters[PointCounter::RootHeight].min(SMALL_HEIGHT);
         let mut records = mem::take(&mut self.records);
         for (chunk, own) in records.chunks_mut(POINT_CHUNK as usize).enumerate() {
