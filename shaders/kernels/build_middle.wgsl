@@ -5,10 +5,8 @@
 // Writes: the tree of each root, its leaves and their references; what the root has counted.
 // Ties: axes in order, then lower positions.
 //
-// The references of a level are a list of names in the memory of the workgroup: references that were handed over stay where they
-// are until they come to a leaf. What a plane leaves of those that it cuts, and the references of leaves, lie in parts of a pool that
-// are taken as they are needed, in any order: nothing depends on where. The nodes of a level and of the next stand behind the
-// leaves, every second place each.
+// References of levels and leaves lie in parts of a pool that are taken as they are needed, in any order: nothing depends
+// on where. The nodes of a level and of the next stand behind the leaves, every second place each.
 
 @group(0) @binding(0) var<uniform> parameters: Parameters;
 @group(0) @binding(1) var<storage, read> counters: array<u32, 32>;
@@ -44,26 +42,18 @@ struct Root {
     end_leaf: u32,
 }
 var<workgroup> own: Root;
-// The level: its nodes, its references, and which of the two lists has their names.
+// The level: its nodes, its references, and where these begin.
 var<workgroup> node_count: u32;
 var<workgroup> reference_count: u32;
-var<workgroup> list: u32;
-// Names of references, two a word: those of the level and of the next. Below PIECES a name is the place of a reference among those handed
-// over; from there on it is the number of a piece: what is left of a reference on one side of a plane that cuts it.
-var<workgroup> names: array<atomic<u32>, 2u * LIST_WORDS>;
-const LIST_WORDS: u32 = 1024u;
-const PIECES: u32 = 1024u;
-// Pieces lie in parts of the pool: the number of the first one in each, and its place less that number.
-const MOST_PARTS: u32 = 12u;
-var<workgroup> part_first: array<u32, MOST_PARTS>;
-var<workgroup> part_place: array<u32, MOST_PARTS>;
-var<workgroup> part_count: u32;
-// Pieces so far, and where the last part ends; the first piece of the level: two for each reference that is cut.
-var<workgroup> piece_count: u32;
-var<workgroup> piece_room: u32;
-var<workgroup> first_piece: u32;
+var<workgroup> source: u32;
+// Parts of the pool for the references of levels, by turns, and how many each holds.
+var<workgroup> list_first: array<u32, 2>;
+var<workgroup> list_room: array<u32, 2>;
 // Where the references of this level's leaves begin in the pool.
 var<workgroup> leaf_source: u32;
+// A part of the pool for both parts of each reference that the level's planes cut, and how many references it is for.
+var<workgroup> cut_first: u32;
+var<workgroup> cut_room: u32;
 // So far: nodes of the tree, leaves and their references.
 var<workgroup> emitted: u32;
 var<workgroup> leaves: u32;
@@ -86,20 +76,17 @@ var<workgroup> plane_position: array<f32, ACTIVE_NODES>;
 var<workgroup> places: array<vec2<u32>, ACTIVE_NODES>;
 // By 32 references of the level, a bit each: those that begin a node, those that its plane cuts, those that go left, and
 // right.
-var<workgroup> marks: array<atomic<u32>, 256>;
-const WORDS: u32 = 64u;
+var<workgroup> marks: array<atomic<u32>, 1024>;
 const STARTS: u32 = 0u;
-const CUTS: u32 = 64u;
-const LEFTS: u32 = 128u;
-const RIGHTS: u32 = 192u;
-// A sweep counts in the list of the next level what is on the two sides of the faces of its samples: left in the low half, right in the
-// high one.
-// Pieces of the first part of the pool, at least.
-const LEAST_PART: u32 = 64u;
+const CUTS: u32 = 256u;
+const LEFTS: u32 = 512u;
+const RIGHTS: u32 = 768u;
+// A sweep counts here what is on the two sides of the faces of its samples: left in the low half, right in the high one.
+const SWEEP_SIDES: u32 = LEFTS;
 const SWEEP_FACES: u32 = 384u;
 // How many there are before these 32: nodes in the low 8 bits, cut ones above; left in the low half, right in the high one.
-var<workgroup> starts_before: array<u32, WORDS>;
-var<workgroup> sides_before: array<u32, WORDS + 1u>;
+var<workgroup> starts_before: array<u32, 256>;
+var<workgroup> sides_before: array<u32, 257>;
 
 // The best plane of a sweep, word by word.
 var<workgroup> best_high: atomic<u32>;
@@ -109,35 +96,12 @@ var<workgroup> best_order: atomic<u32>;
 
 var<private> cut_short: bool;
 
-// The name of a reference of the level.
-fn name_of(i: u32) -> u32 {
-    return (atomicLoad(&names[list + i / 2u]) >> (16u * (i % 2u))) & 0xffffu;
-}
-
-// Puts a name into the list of the next level, where there is none yet.
-fn put_name(place: u32, name: u32) {
-    atomicOr(&names[LIST_WORDS - list + place / 2u], name << (16u * (place % 2u)));
-}
-
-// Where a piece lies in the pool. Most roots have all in the first part.
-fn place_of_piece(piece: u32) -> u32 {
-    var part = 0u;
-    while part + 1u < part_count && piece >= part_first[part + 1u] {
-        part += 1u;
+// The references of the level, those handed over or those in the pool.
+fn level_reference(handed: bool, i: u32) -> Reference {
+    if handed {
+        return small_references[source + i];
     }
-    return part_place[part] + piece;
-}
-
-fn named_reference(name: u32) -> Reference {
-    if name < PIECES {
-        return small_references[own.first + name];
-    }
-    return middle_references[place_of_piece(name - PIECES)];
-}
-
-// A reference of the level.
-fn level_reference(i: u32) -> Reference {
-    return named_reference(name_of(i));
+    return middle_references[source + i];
 }
 
 // The first reference of an invocation's share of the level: as many in a row each, whichever nodes they belong to.
@@ -292,23 +256,24 @@ fn build(index: u32, lane: u32) -> u32 {
         atomicStore(&growth, 0u);
         atomicStore(&outgrown, 0u);
         outgrown_now = 0u;
-        list = 0u;
-        part_count = 0u;
-        piece_count = 0u;
-        piece_room = 0u;
-        first_piece = 0u;
+        list_room = array<u32, 2>();
+        list_first = array<u32, 2>();
+        cut_room = 0u;
+        cut_first = 0u;
         leaf_references = 0u;
         leaves = 0u;
         emitted = 1u;
         node_count = 0u;
         reference_count = root.count;
+        source = root.first;
         leaf_source = 0u;
-        if own.end_node > parameters.middle_node_room || own.end_leaf > parameters.middle_leaf_room {
+        if root.count > parameters.hand_over_limit {
+            atomicStore(&outgrown, OUTGROWN_RULES);
+        } else if own.end_node > parameters.middle_node_room || own.end_leaf > parameters.middle_leaf_room {
             atomicStore(&outgrown, OUTGROWN_ROOM);
         } else {
             put_node(own.first_node, TopNode(EMPTY, 0u, 0u, NO_NODE));
-            // The levels could not split what is larger than they hand over.
-            if root.count <= parameters.small_node_limit || root.count > parameters.hand_over_limit {
+            if root.count <= parameters.small_node_limit {
                 leaf_source = take(root.count);
                 put_node(own.first_node, TopNode(SMALL_ROOT, 0u, 0u, NO_NODE));
                 middle_leaves[own.first_leaf] = SmallRoot(
@@ -324,38 +289,32 @@ fn build(index: u32, lane: u32) -> u32 {
     }
     storageBarrier();
     workgroupBarrier();
-    if leaves == 1u && atomicLoad(&outgrown) == 0u {
-        for (var i = lane; i < own.count; i += LANES) {
-            middle_references[leaf_source + i] = small_references[own.first + i];
-        }
-    } else if lane < own.count {
-        // The first level has what was handed over.
-        for (var word = lane; word < (own.count + 1u) / 2u && word < LIST_WORDS; word += LANES) {
-            atomicStore(&names[word], 2u * word | ((2u * word + 1u) << 16u));
-        }
+    if lane < own.count && own.count <= parameters.small_node_limit && atomicLoad(&outgrown) == 0u {
+        middle_references[leaf_source + lane] = small_references[own.first + lane];
     }
     var levels = 0u;
     while workgroupUniformLoad(&node_count) > 0u {
+        let handed = levels == 0u;
         let turn = levels % 2u;
         begin_level(turn, lane);
-        if levels == 0u {
+        if handed {
             bound_root(lane);
         }
         decide(turn, lane);
         while workgroupUniformLoad(&swept_now) != NO_NODE {
-            sweep(turn, lane);
+            sweep(handed, turn, lane);
         }
-        divide(lane);
-        cut_references(lane);
+        divide(handed, lane);
+        cut_references(handed, lane);
         let found = emit(turn, lane);
         levels += 1u;
         if workgroupUniformLoad(&outgrown_now) == 1u {
             break;
         }
         place_children(found, turn, lane);
-        scatter(lane);
+        scatter(handed, lane);
         if lane == 0u {
-            list = LIST_WORDS - list;
+            source = list_first[turn];
             node_count = found_nodes;
             reference_count = found_references;
         }
@@ -372,7 +331,9 @@ var<workgroup> found_references: u32;
 // Which references begin a node of the level.
 fn begin_level(turn: u32, lane: u32) {
     let nodes = node_count;
-    atomicStore(&marks[lane], 0u);
+    for (var word = lane; word < 1024u; word += LANES) {
+        atomicStore(&marks[word], 0u);
+    }
     if lane == 0u {
         atomicStore(&swept, NO_NODE);
         first[nodes] = reference_count;
@@ -384,14 +345,8 @@ fn begin_level(turn: u32, lane: u32) {
         atomicOr(&marks[STARTS + begin / 32u], 1u << (begin % 32u));
     }
     workgroupBarrier();
-    var here = 0u;
-    if lane < WORDS {
-        here = countOneBits(atomicLoad(&marks[STARTS + lane]));
-    }
-    let upto = inclusive_scan(lane, vec2<u32>(here, 0u)).x;
-    if lane < WORDS {
-        starts_before[lane] = upto - here;
-    }
+    let here = countOneBits(atomicLoad(&marks[STARTS + lane]));
+    starts_before[lane] = inclusive_scan(lane, vec2<u32>(here, 0u)).x - here;
     workgroupBarrier();
 }
 
@@ -419,7 +374,7 @@ fn bound_root(lane: u32) {
     clear_bounds(1u, lane);
     var bounds = empty_aabb();
     for (var i = lane; i < reference_count; i += LANES) {
-        let reference = small_references[own.first + i];
+        let reference = small_references[source + i];
         bounds = joined(bounds, reference);
     }
     if lane < reference_count {
@@ -454,11 +409,7 @@ fn decide(turn: u32, lane: u32) {
 
 // That the median does not separate does not mean that no plane does: the best plane by SAH among the faces of up to 64
 // references, evenly spread over the node's. One node at a time.
-fn sweep(turn: u32, lane: u32) {
-    let counts = LIST_WORDS - list;
-    for (var face = lane; face < SWEEP_FACES; face += LANES) {
-        atomicStore(&names[counts + face], 0u);
-    }
+fn sweep(handed: bool, turn: u32, lane: u32) {
     let place = swept_now;
     let rest = rest_of(middle_leaves[slot(place, turn)], place);
     let extents = extents_of(rest.cell);
@@ -476,17 +427,17 @@ fn sweep(turn: u32, lane: u32) {
     // Four invocations a sample, a quarter of the references each.
     let sample = lane / 4u;
     if sample < samples {
-        let faces = level_reference(begin + sample * size / samples);
+        let faces = level_reference(handed, begin + sample * size / samples);
         var low = vec3<u32>(0u);
         var high = vec3<u32>(0u);
         for (var i = lane % 4u; i < size; i += 4u) {
-            let other = level_reference(begin + i);
+            let other = level_reference(handed, begin + i);
             low += sides_of_planes(other, faces.lo);
             high += sides_of_planes(other, faces.hi);
         }
         for (var axis = 0u; axis < 3u; axis++) {
-            atomicAdd(&names[counts + 6u * sample + axis], low[axis]);
-            atomicAdd(&names[counts + 6u * sample + 3u + axis], high[axis]);
+            atomicAdd(&marks[SWEEP_SIDES + 6u * sample + axis], low[axis]);
+            atomicAdd(&marks[SWEEP_SIDES + 6u * sample + 3u + axis], high[axis]);
         }
     }
     workgroupBarrier();
@@ -496,11 +447,11 @@ fn sweep(turn: u32, lane: u32) {
     var axis = TRANSFER;
     var order = 0xffffffffu;
     for (var face = lane; face < 6u * samples; face += LANES) {
-        let here = level_reference(begin + (face / 6u) * size / samples);
+        let here = level_reference(handed, begin + (face / 6u) * size / samples);
         let on = face % 3u;
         let position = on_axis(select(here.lo, here.hi, face % 6u >= 3u), on);
         if strictly_inside(rest.cell, on, position) && extents.large_enough {
-            let sides = atomicLoad(&names[counts + face]);
+            let sides = atomicLoad(&marks[SWEEP_SIDES + face]);
             let offset = quantised_offset(extents, on_axis(rest.cell.lo, on), position);
             let areas = split_areas(extents, on, offset);
             let sum = wide_sum(wide_product(areas.x, sides & 0xffffu), wide_product(areas.y, sides >> 16u));
@@ -537,6 +488,9 @@ fn sweep(turn: u32, lane: u32) {
         plane_axis[place] = best;
         plane_position[place] = select(0.0, from_order(atomicLoad(&best_order)), best < TRANSFER);
     }
+    for (var face = lane; face < SWEEP_FACES; face += LANES) {
+        atomicStore(&marks[SWEEP_SIDES + face], 0u);
+    }
     workgroupBarrier();
     if lane < node_count && plane_axis[lane] == TO_BE_SWEPT {
         atomicMin(&swept, lane);
@@ -555,7 +509,7 @@ fn sides_of_planes(reference: Reference, planes: vec3<f32>) -> vec3<u32> {
 }
 
 // The sides of the references that are on one side of their node's plane, and which ones the plane cuts.
-fn divide(lane: u32) {
+fn divide(handed: bool, lane: u32) {
     workgroupBarrier();
     var i = share_start(lane);
     let end = share_start(lane + 1u);
@@ -573,7 +527,7 @@ fn divide(lane: u32) {
             let bit = 1u << (i % 32u);
             var sides = vec2<bool>(true, false);
             if axis != TRANSFER {
-                let reference = level_reference(i);
+                let reference = level_reference(handed, i);
                 let hi = on_axis(reference.hi, axis);
                 sides = vec2<bool>(goes_left(on_axis(reference.lo, axis), hi, position), goes_right(hi, position));
             }
@@ -602,33 +556,16 @@ fn mark(kind: u32, word: u32, bits: u32) {
 
 // Cuts the references that planes cut, as many for each invocation, and says where their parts go. How many there are
 // before each 32.
-fn cut_references(lane: u32) {
-    var cuts = 0u;
-    if lane < WORDS {
-        cuts = countOneBits(atomicLoad(&marks[CUTS + lane]));
-    }
+fn cut_references(handed: bool, lane: u32) {
+    let cuts = countOneBits(atomicLoad(&marks[CUTS + lane]));
     let upto = inclusive_scan(lane, vec2<u32>(cuts, 0u)).x;
-    if lane < WORDS {
-        starts_before[lane] |= (upto - cuts) << 8u;
-    }
+    starts_before[lane] |= (upto - cuts) << 8u;
     let total = scan_sum().x;
     if lane == 0u {
-        first_piece = piece_count;
-        if piece_count + 2u * total > 2u * MOST_CUTS {
-            atomicOr(&outgrown, OUTGROWN_RULES);
-        } else if piece_count + 2u * total > piece_room {
-            // At least twice as large as the part before, so that a few parts suffice.
-            var before = 0u;
-            if part_count > 0u {
-                before = piece_room - part_first[part_count - 1u];
-            }
-            let size = max(2u * max(total, before), LEAST_PART);
-            part_first[part_count] = piece_count;
-            part_place[part_count] = take(size) - piece_count;
-            part_count += 1u;
-            piece_room = piece_count + size;
+        if total > cut_room {
+            cut_room = total + total / 4u;
+            cut_first = take(2u * cut_room);
         }
-        piece_count += 2u * total;
         outgrown_now = select(0u, 1u, atomicLoad(&outgrown) != 0u);
     }
     let room = workgroupUniformLoad(&outgrown_now) == 0u;
@@ -638,7 +575,7 @@ fn cut_references(lane: u32) {
     if room && k < end {
         // The last word with no more than k before it, and in it the next bit.
         var word = 0u;
-        for (var step = WORDS / 2u; step > 0u; step /= 2u) {
+        for (var step = 128u; step > 0u; step /= 2u) {
             word += select(0u, step, (starts_before[word + step] >> 8u) <= k);
         }
         var bits = atomicLoad(&marks[CUTS + word]);
@@ -650,7 +587,7 @@ fn cut_references(lane: u32) {
                 word += 1u;
                 bits = atomicLoad(&marks[CUTS + word]);
             } else {
-                cut_reference(32u * word + firstTrailingBit(bits), k);
+                cut_reference(handed, 32u * word + firstTrailingBit(bits), k);
                 bits &= bits - 1u;
                 k += 1u;
             }
@@ -658,28 +595,23 @@ fn cut_references(lane: u32) {
     }
     storageBarrier();
     workgroupBarrier();
-    var here = 0u;
-    if lane < WORDS {
-        let lefts = countOneBits(atomicLoad(&marks[LEFTS + lane]));
-        here = lefts | (countOneBits(atomicLoad(&marks[RIGHTS + lane])) << 16u);
-    }
+    let lefts = countOneBits(atomicLoad(&marks[LEFTS + lane]));
+    let here = lefts | (countOneBits(atomicLoad(&marks[RIGHTS + lane])) << 16u);
     let sum = inclusive_scan(lane, vec2<u32>(here, 0u)).x;
-    if lane < WORDS {
-        sides_before[lane] = sum - here;
-    }
-    if lane == WORDS - 1u {
-        sides_before[WORDS] = sum;
+    sides_before[lane] = sum - here;
+    if lane == 255u {
+        sides_before[256] = sum;
     }
     workgroupBarrier();
 }
 
 // The parts of a reference whose bounds are on both sides of its node's plane. What is left of the triangle may not be.
-fn cut_reference(i: u32, k: u32) {
+fn cut_reference(handed: bool, i: u32, k: u32) {
     var both = true;
     var edge = Edge(Parts(empty_aabb(), empty_aabb()), true);
     if parameters.clip == 1u {
         let node = node_of(i);
-        let reference = level_reference(i);
+        let reference = level_reference(handed, i);
         let corners = corners_of(reference.triangle);
         both = corners_on_both_sides(
             corners, Aabb(reference.lo, reference.hi), plane_axis[node], plane_position[node]);
@@ -688,10 +620,10 @@ fn cut_reference(i: u32, k: u32) {
     // Read again: kept meanwhile it would take registers.
     let again = i ^ opaque_zero;
     let node = node_of(again);
-    let reference = level_reference(again);
+    let reference = level_reference(handed, again);
     let parts = limited(edge, Aabb(reference.lo, reference.hi), plane_axis[node], plane_position[node]);
     let bit = 1u << (again % 32u);
-    let place = part_place[part_count - 1u] + first_piece + 2u * k;
+    let place = cut_first + 2u * k;
     if both || !is_empty(parts.left) {
         middle_references[place] = Reference(parts.left.lo, reference.triangle, parts.left.hi, 0u);
         mark(LEFTS, again / 32u, bit);
@@ -745,6 +677,10 @@ fn emit(turn: u32, lane: u32) -> Found {
             atomicOr(&outgrown, OUTGROWN_RULES);
         } else {
             leaf_source = take(total.x >> 16u);
+            if found_references > list_room[turn] {
+                list_room[turn] = found_references + found_references / 4u;
+                list_first[turn] = take(list_room[turn]);
+            }
         }
         outgrown_now = select(0u, 1u, atomicLoad(&outgrown) != 0u);
     }
@@ -805,7 +741,7 @@ fn place_children(found: Found, turn: u32, lane: u32) {
                         part.lo, place.x, part.hi, references, top + child, depth + 1u, 0u,
                         select(0u, 1u, inseparable));
                     next = select(vec2<u32>(place.z, next.y), vec2<u32>(next.x, place.z), child == 1u);
-                    places[lane][child] = place.x - rank[child];
+                    places[lane][child] = list_first[turn] + place.x - rank[child];
                     place += vec4<u32>(references, 0u, 1u, 0u);
                 } else {
                     put_leaf(top + child, own_successor, part, depth + 1u, references, place);
@@ -815,9 +751,6 @@ fn place_children(found: Found, turn: u32, lane: u32) {
             }
         }
         children[lane] = next.x | (next.y << 8u);
-    }
-    for (var word = lane; word < (found_references + 1u) / 2u; word += LANES) {
-        atomicStore(&names[LIST_WORDS - list + word], 0u);
     }
     storageBarrier();
     workgroupBarrier();
@@ -838,8 +771,8 @@ fn put_leaf(
         cell.lo, leaf_references + place.y, cell.hi, references, own.node, depth, own.level, leaf_source + place.y);
 }
 
-// Moves references to the children: names to the next nodes, whose bounds this finds, and whole references to leaves.
-fn scatter(lane: u32) {
+// Moves references to the children, and bounds the next nodes.
+fn scatter(handed: bool, lane: u32) {
     let begin = share_start(lane);
     var i = begin;
     let end = share_start(lane + 1u);
@@ -848,15 +781,13 @@ fn scatter(lane: u32) {
     var rank = vec2<u32>(0u);
     if i < end {
         node = node_of(i);
-        k = first_piece + 2u * cuts_before(i);
+        k = cut_first + 2u * cuts_before(i);
         rank = before(i);
     }
     var marked = vec3<u32>(0u);
     while i < end {
         let last = min(end, first[node + 1u]);
         let place = places[node];
-        let nexts = vec2<u32>(children[node] & 0xffu, children[node] >> 8u);
-        let is_next = nexts != vec2<u32>(NO_NEXT);
         var left = empty_aabb();
         var right = left;
         for (; i < last; i++) {
@@ -869,22 +800,31 @@ fn scatter(lane: u32) {
             let goes = (marked.xy & vec2<u32>(1u)) == vec2<u32>(1u);
             let is_cut = (marked.z & 1u) == 1u;
             marked = marked >> vec3<u32>(1u);
-            var name = PIECES + k;
-            if is_cut {
-                k += 2u;
+            if !is_cut {
+                let reference = level_reference(handed, i);
+                middle_references[select(place.y + rank.y, place.x + rank.x, goes.x)] = reference;
+                if goes.x {
+                    left = joined(left, reference);
+                } else {
+                    right = joined(right, reference);
+                }
             } else {
-                name = name_of(i);
-            }
-            if goes.x {
-                left = moved(name, place.x + rank.x, is_next.x, left);
-            }
-            if goes.y {
-                right = moved(name + select(0u, 1u, is_cut), place.y + rank.y, is_next.y, right);
+                if goes.x {
+                    let reference = middle_references[k];
+                    middle_references[place.x + rank.x] = reference;
+                    left = joined(left, reference);
+                }
+                if goes.y {
+                    let reference = middle_references[k + 1u];
+                    middle_references[place.y + rank.y] = reference;
+                    right = joined(right, reference);
+                }
+                k += 2u;
             }
             rank += select(vec2<u32>(0u), vec2<u32>(1u), goes);
         }
-        bound_child(nexts.x, left);
-        bound_child(nexts.y, right);
+        bound_child(children[node] & 0xffu, left);
+        bound_child(children[node] >> 8u, right);
         node += 1u;
     }
     storageBarrier();
@@ -895,17 +835,6 @@ fn scatter(lane: u32) {
         leaves += (total.y >> 8u) & 0xffu;
         leaf_references += total.x >> 16u;
     }
-}
-
-// Moves a reference to its place in the next level or in the pool. Returns bounds that hold it too.
-fn moved(name: u32, place: u32, is_next: bool, bounds: Aabb) -> Aabb {
-    let reference = named_reference(name);
-    if is_next {
-        put_name(place, name);
-    } else {
-        middle_references[place] = reference;
-    }
-    return joined(bounds, reference);
 }
 
 fn joined(bounds: Aabb, reference: Reference) -> Aabb {

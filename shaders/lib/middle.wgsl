@@ -1,8 +1,7 @@
 // Twin of core/src/build/middle.rs: where the regions of a middle root begin, and how long they are.
 
-const ACTIVE_NODES: u32 = 64u;
-const LEVEL_REFERENCES: u32 = 2048u;
-const MOST_CUTS: u32 = 31744u;
+const ACTIVE_NODES: u32 = 96u;
+const LEVEL_REFERENCES: u32 = 8192u;
 const NO_NODE: u32 = 0xffffffffu;
 
 // First of a root's nodes, and of its leaves. Before the nodes of all stands what build_middle.wgsl counts.

@@ -49,7 +49,6 @@ library! {
     SMALL_NODE "small_node"
     MIDDLE "middle"
     WIDE_SCAN "wide_scan"
-    NARROW_SCAN "narrow_scan"
     SHORT_SCAN "short_scan"
     RAY "ray"
     BINDINGS "bindings"
@@ -142,7 +141,7 @@ shaders! {
         "classify_references": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE SPLIT SAH CORNERS CHUNK_STATE BALLOT;
         "allocate_children": ARITHMETIC AABB LAYOUT KERNEL SHORT_SCAN;
         "scatter_references": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE SPLIT SAH CORNERS CHUNK_STATE CHILDREN;
-        "build_middle": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE SPLIT SAH WIDE CORNERS MIDDLE NARROW_SCAN;
+        "build_middle": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE SPLIT SAH WIDE CORNERS MIDDLE WIDE_SCAN;
         "scan_middle": LAYOUT KERNEL SCAN;
         "place_middle": LAYOUT KERNEL MIDDLE;
         "build_small": ARITHMETIC AABB LAYOUT KERNEL SPLIT SAH NODE SMALL_NODE;

@@ -5,30 +5,25 @@
 //!
 //! Each such node, a *middle root*, has regions of its own for what it makes. Where they begin follows from the places of
 //! the roots, so that nothing must be allocated. A root that outgrows them makes the build void: it is repeated without
-//! the stage. So do the caps of the configuration where they might bind, since they bind level by level
-//! ([`Overflow::MiddleStage`](crate::kernel::Overflow::MiddleStage)).
+//! the stage. So do the caps of the configuration where they might bind, since they bind level by level, and nodes that
+//! the levels could not split ([`Overflow::MiddleStage`](crate::kernel::Overflow::MiddleStage)).
 
 use crate::config::BuildConfig;
 
 /// Most references of a middle root, where T is not small.
-pub const MOST_REFERENCES: u32 = 1024;
+pub const MOST_REFERENCES: u32 = 4096;
 /// Most nodes of one level of a middle root.
-pub const ACTIVE_NODES: u32 = 64;
+pub const ACTIVE_NODES: u32 = 96;
 /// Most references of one level of a middle root.
-pub const LEVEL_REFERENCES: u32 = 2048;
-/// Most references of a middle root that planes cut, in all its levels. Devices give each two numbers behind those of
-/// [`MOST_REFERENCES`], of 16 bits.
-pub const MOST_CUTS: u32 = 31_744;
-const _: () = assert!(MOST_REFERENCES + 2 * MOST_CUTS <= 1 << 16);
+pub const LEVEL_REFERENCES: u32 = 8192;
 /// Most nodes that a split large node emits: six cuts and a split, two nodes each.
 pub const MOST_EMITTED: u32 = 14;
 /// The successor of the last leaf of a middle root.
 pub const NO_NODE: u32 = u32::MAX;
 
-/// Most references of a node that is handed over: 32 T, at most [`MOST_REFERENCES`]. So a level that has at most
-/// [`LEVEL_REFERENCES`] has at most [`ACTIVE_NODES`] nodes. A larger node on the list is one that the levels could not split.
+/// Most references of a node that is handed over: 64 T, at most [`MOST_REFERENCES`].
 pub const fn hand_over_limit(config: &BuildConfig) -> u32 {
-    let limit = 32 * config.small_node_limit();
+    let limit = 64 * config.small_node_limit();
     if limit < MOST_REFERENCES { limit } else { MOST_REFERENCES }
 }
 
@@ -85,7 +80,7 @@ mod tests {
             let config = BuildConfig::default().with_stages(|stages| stages.small_node_limit = t);
             let limit = hand_over_limit(&config);
             assert!(t <= limit && limit <= MOST_REFERENCES, "{t}");
-            assert!((2 * limit).div_ceil(t + 1) <= ACTIVE_NODES, "{t}");
+            assert!(limit.div_ceil(t + 1) <= ACTIVE_NODES, "{t}");
         }
     }
 }

@@ -6,8 +6,7 @@ use super::scatter_references::cut;
 use super::split_median::split_median_while;
 use crate::aabb::Aabb;
 use crate::arithmetic::Arithmetic;
-use crate::build::middle::{ACTIVE_NODES, LEVEL_REFERENCES, MOST_CUTS, NO_NODE, hand_over_limit};
-use crate::build::split::{goes_left, goes_right};
+use crate::build::middle::{ACTIVE_NODES, LEVEL_REFERENCES, NO_NODE, hand_over_limit};
 use crate::config::BuildConfig;
 use crate::layout::{Decision, LargeNode, MiddleRoot, Reference, Sides, SmallRoot, TopNode};
 use crate::triangle::Triangle;
@@ -31,10 +30,9 @@ pub struct MiddleRegion<'a> {
 ///
 /// `right` of a leaf is its successor in preorder, [`NO_NODE`] for the last one.
 ///
-/// A root with more references than [`hand_over_limit`] allows is one that the levels could not split: it is a leaf.
-///
 /// Where references, nodes or leaves outgrow their regions, or a level has more than [`ACTIVE_NODES`] nodes or
-/// [`LEVEL_REFERENCES`] references, or planes cut more than [`MOST_CUTS`] references, only [`MiddleRoot::outgrown`] says so.
+/// [`LEVEL_REFERENCES`] references, only [`MiddleRoot::outgrown`] says so; it says so too of a root with more references than
+/// [`hand_over_limit`] allows.
 pub fn build_middle<A: Arithmetic>(
     config: &BuildConfig,
     root: usize,
@@ -51,9 +49,12 @@ pub fn build_middle<A: Arithmetic>(
         outgrown: 1,
         ..MiddleRoot::zeroed()
     };
+    if root.count > hand_over_limit(config) {
+        return outgrown;
+    }
     let own = &small_references[range(root.first, root.count)];
     let middle = MiddleRoot { levels: root.level, nodes: 1, outgrown: 0, ..outgrown };
-    let mut stage = Stage { config, root, own, triangles, region, middle, cuts: 0 };
+    let mut stage = Stage { config, root, own, triangles, region, middle };
     match stage.run::<A>() {
         Some(()) => stage.middle,
         None => outgrown,
@@ -69,8 +70,6 @@ struct Stage<'a, 'b> {
     triangles: &'a [Triangle],
     region: &'a mut MiddleRegion<'b>,
     middle: MiddleRoot,
-    /// References that planes have cut.
-    cuts: u32,
 }
 
 /// Where the references of a level are.
@@ -114,8 +113,7 @@ impl Stage<'_, '_> {
         let root = self.root;
         self.region.nodes[0] = leaf(TopNode::EMPTY, 0, NO_NODE);
         let whole = Part { node: 0, cell: root.cell(), depth: root.depth };
-        if root.count <= self.config.small_node_limit() || root.count > hand_over_limit(self.config)
-        {
+        if root.count <= self.config.small_node_limit() {
             let first = self.leaf(whole, root.count)?;
             self.region.references[range(first, root.count)].copy_from_slice(self.own);
             return Some(());
@@ -146,9 +144,6 @@ impl Stage<'_, '_> {
         for (node, decision) in level.nodes[..level.count].iter().zip(&mut decisions) {
             *decision = self.decide::<A>(node, source);
         }
-        if self.cuts > MOST_CUTS {
-            return None;
-        }
         // Leaves and next nodes get their places, then the references of both move there.
         let mut next =
             Level { nodes: [LargeNode::zeroed(); ACTIVE_NODES as usize], count: 0, references: 0 };
@@ -167,20 +162,15 @@ impl Stage<'_, '_> {
     }
 
     /// The decision on a node, with the counts of its children.
-    fn decide<A: Arithmetic>(&mut self, node: &LargeNode, source: Source) -> Decision {
-        let source = match source {
-            Source::Own => self.own,
-            Source::List(list) => &*self.region.levels[list],
-        };
+    fn decide<A: Arithmetic>(&self, node: &LargeNode, source: Source) -> Decision {
+        let source = self.source(source);
         let own = range(node.first, node.count);
         let bounds = |tight: Aabb, reference: &Reference| tight.union(&reference.bounds());
         let tight = source[own.clone()].iter().fold(Aabb::EMPTY, bounds);
         let mut decision = split_median_while::<A>(self.config, node, &tight, source, |_| true);
         if decision.axis != Decision::TRANSFER {
-            let (axis, position) = (decision.axis as usize, decision.position);
+            decision.counts = Sides::default();
             for reference in &source[own] {
-                let (lo, hi) = (reference.lo[axis], reference.hi[axis]);
-                self.cuts += u32::from(goes_left(lo, hi, position) && goes_right(hi, position));
                 let [left, right] = goes::<A>(self.config, reference, self.triangles, &decision);
                 decision.counts.left += u32::from(left);
                 decision.counts.right += u32::from(right);
