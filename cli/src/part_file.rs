@@ -103,7 +103,7 @@ pub(super) fn to_bytes(
     made: &Made<'_>,
 ) -> Result<Vec<u8>, PartFileError> {
     let Made { size, hits, costs, radiance, pixels } = *made;
-    let own = part.pixels(size);
+    let own = part.share(size.pixels());
     let description = Description {
         index: part.index(),
         count: part.count(),
@@ -174,7 +174,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<PartFile, PartFileError> {
         .map_err(|error| PartFileError::Description(quoted_reason(&error.to_string())))?;
     let Description { index, count, width, height, wanted, settings } = description;
     let (part, size) = (Part::new(index, count)?, Size::new(width, height)?);
-    let pixels = part.pixels(size).len();
+    let pixels = part.share(size.pixels()).len();
     let promised = (end + TAIL) as u64 + array_bytes(&wanted, pixels as u64);
     if promised != found as u64 {
         return Err(PartFileError::Length { promised, found: found as u64 });

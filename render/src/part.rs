@@ -1,6 +1,5 @@
 //! Shares of a picture, for machines that render it together.
 
-use crate::settings::Size;
 use core::fmt;
 use core::ops::Range;
 use core::str::FromStr;
@@ -77,13 +76,8 @@ impl Part {
         self.count == 1
     }
 
-    /// The pixels of this part, counted row by row from the top left; none where there are more parts than pixels and it is not
-    /// this part's turn.
-    pub const fn pixels(self, size: Size) -> Range<u32> {
-        self.share(size.pixels())
-    }
-
-    /// The share of this part in so many things that follow one another.
+    /// The share of this part in so many things that follow one another, such as pixels row by row from the top left; none where there
+    /// are more parts than things and it is not this part's turn.
     pub const fn share(self, things: u32) -> Range<u32> {
         let (things, place, count) = (things as u64, self.place as u64, self.count as u64);
         (things * place / count) as u32..(things * (place + 1) / count) as u32
@@ -120,17 +114,17 @@ mod tests {
     #[test]
     fn parts_are_even_shares() {
         for (width, height) in [(1, 1), (3, 1), (7, 5), (16_384, 4096)] {
-            let size = Size::new(width, height).unwrap();
+            let all: u32 = width * height;
             for count in [1, 2, 3, 7, 36, MAX_PARTS] {
                 let mut next = 0;
                 for index in 1..=count {
-                    let pixels = Part::new(index, count).unwrap().pixels(size);
+                    let pixels = Part::new(index, count).unwrap().share(all);
                     assert_eq!(pixels.start, next);
-                    let least = size.pixels() / count;
+                    let least = all / count;
                     assert!((least..=least + 1).contains(&(pixels.end - pixels.start)));
                     next = pixels.end;
                 }
-                assert_eq!(next, size.pixels());
+                assert_eq!(next, all);
             }
         }
     }

@@ -147,7 +147,7 @@ impl Plan {
         let branching = if plan.branches() { 2 } else { 1 };
         // A small picture has as many paths per pixel as a large one.
         let least = if plan.branches() { LEAST_BRANCHING_ROOM } else { 1 };
-        let pixels = settings.part.pixels(size).len() as u32;
+        let pixels = settings.part.share(size.pixels()).len() as u32;
         let wanted = u64::from(pixels) * u64::from(settings.samples) * branching;
         let wanted = wanted.max(least);
         let paths = room
@@ -203,7 +203,7 @@ impl Plan {
 
     /// The pixels to make: those of [`RenderSettings::part`](crate::RenderSettings::part), counted row by row from the top left.
     pub fn pixels(&self) -> Range<u32> {
-        self.settings.part.pixels(self.size)
+        self.settings.part.share(self.size.pixels())
     }
 
     /// Number of slices of those pixels, which are traced one at a time.

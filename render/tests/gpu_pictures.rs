@@ -65,7 +65,7 @@ fn parts_of_pictures_have_the_bits_of_the_whole() {
         let settings = RenderSettings { part, ..*input.settings };
         let input = FrameInput { settings: &settings, ..input };
         let stats = renderer.render(&both.device, &input).expect("a frame");
-        let own = part.pixels(input.size);
+        let own = part.share(input.size.pixels());
         let own = own.start as usize..own.end as usize;
         pixels.extend_from_slice(&renderer.pixels().expect("pixels")[own.clone()]);
         hits.extend_from_slice(&renderer.first_hits().expect("hits")[own]);

@@ -49,7 +49,7 @@ fn parts_together_are_the_picture() {
                 // Slices of few pixels, so that a part is several.
                 let room = Room { paths: 1000, ..Room::CPU };
                 let shot = try_shoot(&world, camera, size, &settings, room).unwrap();
-                let pixels = part.pixels(size);
+                let pixels = part.share(size.pixels());
                 let pixels = pixels.start as usize..pixels.end as usize;
                 let (own, all) = (&shot.renderer, &whole.renderer);
                 let bits = |light: &[[f32; 4]]| {

@@ -87,7 +87,7 @@ fn parts_come_back_bit_for_bit() {
                 assert_eq!(read.part, Part::new(index, count).unwrap());
                 assert_eq!((read.size, &read.wanted), (frame.size, &wanted));
                 assert_eq!(read.settings, settings());
-                let own = read.part.pixels(frame.size);
+                let own = read.part.share(frame.size.pixels());
                 let own = own.start as usize..own.end as usize;
                 let made = frame.made(&wanted);
                 let of = |length: usize| if length == 0 { 0..0 } else { own.clone() };

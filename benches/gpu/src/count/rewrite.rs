@@ -385,7 +385,7 @@ impl Costs<'_> {
         value: Handle<Expression>,
     ) -> u32 {
         let name = self.variable(function, pointer).and_then(|variable| variable.name.as_deref());
-        let is_counted = !name.is_some_and(|name| ledger::is_counted_by_shaders(name));
+        let is_counted = !name.is_some_and(ledger::is_counted_by_shaders);
         if is_counted { 0 } else { self.words(value) }
     }
 

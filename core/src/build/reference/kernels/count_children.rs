@@ -19,7 +19,7 @@ pub fn count_children(
     decision.counts.right += counts.right;
     let place = (chunks[chunk].first - decision.source_first) / CHUNK;
     let first_of_span = chunk - (place % SPAN) as usize;
-    chunks[first_of_span].span_sides += counts.left | counts.right << 16;
+    chunks[first_of_span].span_sides += counts.left + (counts.right << 16);
 }
 
 #[cfg(test)]
