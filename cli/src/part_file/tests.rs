@@ -166,7 +166,7 @@ fn forged_descriptions_are_typed_errors() {
     // More than there is, and of what is there something else.
     let length = |promised, text: PartFileError| match text {
         PartFileError::Length { promised: found, .. } => {
-            assert_eq!(found > 3_000_000_000, promised)
+            assert_eq!(found > 3_000_000_000, promised);
         }
         other => panic!("{other:?}"),
     };
