@@ -22,6 +22,11 @@ const INNOCENT: &[(&str, &str)] = &[
         "*word = starts[bin] | ends[bin] << 16",
     ),
     ("core/src/build/reference/kernels/bin_references.rs", "words[axis][end as usize] += 1 << 16"),
+    // Counts of a span of chunks: left below, right above.
+    (
+        "core/src/build/reference/kernels/count_children.rs",
+        "span_sides += counts.left + (counts.right << 16)",
+    ),
     // A stack's entries: a node of the tree over instances, and a bit for each child that is yet to be visited.
     ("core/src/backend/scene/packed/trace.rs", "nodes[(entry >> 8) as usize]"),
     ("core/src/backend/scene/packed/trace.rs", "child << 8 | 0xff"),
