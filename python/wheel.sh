@@ -22,7 +22,7 @@ for argument in "$@"; do
     *) fail "there is no option $argument" ;;
     esac
 done
-[ "$(uname -s)-$(uname -m)" = Linux-x86_64 ] || fail "this builds for Linux on x86-64, there"
+[ "$(uname -s)-$(uname -m)" = Linux-x86_64 ] || fail "this builds wheels for Linux on x86-64, and only there"
 
 python=${PYTHON:-python3}
 "$python" -c 'import sys; sys.exit(sys.version_info < (3, 10))' || fail "$python is older than 3.10"

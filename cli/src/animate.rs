@@ -7,7 +7,7 @@ use super::objects::ObjectStage;
 use super::objects_report::{AnimatedObjects, ObjectTimes};
 use super::options::Common;
 use super::percentiles::Percentiles;
-use super::prepared::{BuildReport, in_pool, milliseconds, print_json};
+use super::prepared::{BuildReport, counted, in_pool, milliseconds, print_json};
 use super::stage::{Stage, open_for_pictures};
 use super::{output, progress};
 use clap::Args;
@@ -302,7 +302,9 @@ impl Arguments {
         let numbers = part.share(count.get());
         if numbers.is_empty() {
             return Err(Failure::usage(format!(
-                "--part {part}: there are {count} frames, so this part has none; take at most {count} parts"
+                "--part {part}: the animation has {}, so this part has none; take at most {}",
+                counted(count.get().into(), "frame"),
+                counted(count.get().into(), "part"),
             )));
         }
         Ok(numbers)

@@ -38,7 +38,7 @@ pub(super) fn open_for_pictures(common: &Common, look: &Look) -> Result<OpenedEn
     };
     if common.backend == BackendKind::Wgpu {
         return Err(Failure::usage(
-            "a GPU renders direct light in one pass only, and none of pictures: --transport paths and photons, --passes, and \
+            "a GPU renders direct light in one pass, and without environment maps: --transport paths and photons, --passes, and \
              --environment with a file need --backend cpu",
         ));
     }

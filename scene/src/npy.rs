@@ -8,7 +8,7 @@ use thiserror::Error;
 pub const MAGIC: &[u8; 6] = b"\x93NUMPY";
 /// Most bytes of a head's dictionary that are read; NumPy reads ten thousand.
 const MOST_HEADER: u32 = 1 << 20;
-/// More sides than any array has that is read here are not all looked at.
+/// Most sides of a shape that are kept: more than any array has that is read here.
 const MOST_SIDES: usize = 4;
 
 /// What is wrong with an .npy file.

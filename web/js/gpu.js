@@ -7,7 +7,7 @@ import { WasmArray, number, options, watcher } from "./module.js";
 import { column } from "./queries.js";
 import { SUMMARY } from "./tree.js";
 
-/** The compiled part, once it is loaded: { raw, memory }; the next one after a crash. */
+/** A promise of the compiled part, { raw, memory }, once it is asked for. After a crash there is no other. */
 let loading = null;
 let crashed = null;
 /** What rejects the promises that are not settled. */

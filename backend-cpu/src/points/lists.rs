@@ -118,6 +118,8 @@ impl<const N: usize> CpuPointTree<N> {
             let alone = Alone(limit.map(|limit| limit.saturating_sub(held)));
             let list = self.list(left[done], options, alone, meter);
             let list = list.map_err(|error| beside(error, held, limit))?;
+            // A list that was given up is no answer.
+            meter.check_batch()?;
             let own = NEIGHBOUR * list.len() as u64;
             held = held.saturating_add(kept.of(&list));
             check_bytes(held.saturating_add(own), limit)?;

@@ -39,7 +39,9 @@ pub(crate) async fn tick() {
             if thread.is_err() {
                 // Without a thread the executor asks again at once.
                 waiting.ticks += 1;
-                waiting.wakers.drain(..).for_each(Waker::wake);
+                let woken = std::mem::take(&mut waiting.wakers);
+                drop(waiting);
+                woken.into_iter().for_each(Waker::wake);
                 return Poll::Pending;
             }
             waiting.runs = true;

@@ -90,9 +90,13 @@ struct Ringing {
 impl Bell {
     /// Wakes who waits, or lets the next wait end at once.
     pub(crate) fn ring(&self) {
-        let mut ringing = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        ringing.rung = true;
-        if let Some(waiting) = ringing.waiting.take() {
+        let waiting = {
+            let mut ringing = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+            ringing.rung = true;
+            ringing.waiting.take()
+        };
+        // Outside of the lock: an executor may poll at once.
+        if let Some(waiting) = waiting {
             waiting.wake();
         }
     }

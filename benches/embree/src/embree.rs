@@ -193,16 +193,24 @@ impl Drop for Embree {
 fn flushing(work: impl FnOnce()) {
     #[cfg(target_arch = "x86_64")]
     {
+        /// Puts the register back, whatever becomes of the work.
+        struct PutBack(u32);
+        impl Drop for PutBack {
+            fn drop(&mut self) {
+                // SAFETY: it is what the register held.
+                unsafe { std::arch::asm!("ldmxcsr [{}]", in(reg) &raw const self.0) };
+            }
+        }
         let mut before = 0u32;
-        // SAFETY: only the two bits for subnormal numbers change, and they are put back.
+        // SAFETY: only the two bits for subnormal numbers change, and they are put back. Rust takes them for unset: what it does itself
+        // meanwhile is to copy rays and answers, and no arithmetic on numbers that could be subnormal.
         unsafe {
             std::arch::asm!("stmxcsr [{}]", in(reg) &raw mut before);
             let flushed = before | 0x8040;
             std::arch::asm!("ldmxcsr [{}]", in(reg) &raw const flushed);
         }
+        let _put_back = PutBack(before);
         work();
-        // SAFETY: as above.
-        unsafe { std::arch::asm!("ldmxcsr [{}]", in(reg) &raw const before) };
     }
     #[cfg(not(target_arch = "x86_64"))]
     work();

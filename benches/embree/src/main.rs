@@ -30,13 +30,13 @@ struct Options {
     #[arg(long, env = "EMBREE4_LIB", default_value = "libembree4.so.4")]
     library: PathBuf,
     /// About as many rays of each set, in runs of neighbours from all over it
-    #[arg(long, default_value_t = 1 << 17)]
+    #[arg(long, default_value_t = 1 << 17, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(16..))]
     rays: usize,
     /// Rounds, of which the median counts
     #[arg(long, default_value_t = 7)]
     rounds: usize,
     /// Sets of rays, separated by commas
-    #[arg(long, value_delimiter = ',', default_value = "primary,shadow,bounce,chords")]
+    #[arg(long, value_delimiter = ',', default_value = "primary,shadow,bounce,chords", value_parser = rays::SETS)]
     sets: Vec<String>,
     /// Presets, separated by commas
     #[arg(long, value_delimiter = ',', default_value = "fast,balanced,best")]

@@ -14,6 +14,8 @@ use super::tree::WgpuPointTree;
 
 /// Most points that a device keeps for a query; the host answers where more are asked for.
 pub(super) const MOST_NEAREST: usize = 1024;
+/// Most points of a query whose keys are put in order in less room.
+const FEW_NEAREST: usize = 16;
 /// Queries of a task of the host.
 const FEW: usize = 16;
 
@@ -105,7 +107,14 @@ impl<const N: usize> WgpuPointTree<N> {
 
     /// Puts the keys of a query in order. False where the device did not finish it, or says what no device should.
     fn settle(&self, bytes: &[u8], records: &mut [Neighbour]) -> bool {
-        let mut keys = [0u64; MOST_NEAREST];
+        // Clearing room for the most would take longer than most queries do.
+        match bytes.len() / 8 {
+            0..=FEW_NEAREST => self.settle_in(&mut [0; FEW_NEAREST], bytes, records),
+            _ => self.settle_in(&mut [0; MOST_NEAREST], bytes, records),
+        }
+    }
+
+    fn settle_in(&self, keys: &mut [u64], bytes: &[u8], records: &mut [Neighbour]) -> bool {
         let mut count = 0;
         let given = self.tree().report().points;
         for pair in bytes.chunks_exact(8) {
@@ -141,10 +150,12 @@ impl<const N: usize> WgpuPointTree<N> {
         asking: &Asking<'_>,
     ) -> Result<(), QueryError> {
         let k = options.k;
-        // By runs, so that all threads have some, and a few at a time are held.
-        for some in left.chunks(FEW * rayon::current_num_threads()) {
+        // By runs, so that all threads have some, and a few at a time are held. These share the limit.
+        let run = FEW * rayon::current_num_threads();
+        let max_memory = options.max_memory.map(|most| most / run as u64);
+        let options = &NearestOptions { watch: None, max_memory, ..*options };
+        for some in left.chunks(run) {
             asking.check()?;
-            let options = &NearestOptions { watch: None, ..*options };
             let answers: Vec<Result<Vec<Neighbour>, QueryError>> =
                 some.par_iter().map(|&at| nearest(self.tree(), queries[at], options)).collect();
             for (&place, answer) in some.iter().zip(answers) {

@@ -171,6 +171,7 @@ impl<const N: usize> WgpuPointTree<N> {
             }
             let is_near = self.on_device(queries[place]).is_some();
             lists.report.unfinished += u64::from(is_near && said == PointBatch::ENDED_EARLY);
+            asking.check()?;
             self.push_on_host(queries[place], lists, options)?;
         }
         Ok(())

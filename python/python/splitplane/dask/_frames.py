@@ -50,7 +50,7 @@ def frames(
     pose = vertices if callable(vertices) else None
     stack = None if pose is not None else arrays.as_array(vertices, "vertices")
     if stack is not None and stack.ndim not in (3, 4):
-        raise ShapeError(f"vertices has shape {stack.shape}, but must have (frames, n, 3), or be a function of a frame")
+        raise ShapeError(f"vertices has shape {stack.shape}, but must have (frames, n, 3) or (frames, n, 3, 3), or be a function of a frame")
     if indices is None:
         if stack is None:
             raise ConfigError("vertices is a function, so indices must say which frames are wanted")

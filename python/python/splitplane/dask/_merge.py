@@ -39,7 +39,9 @@ class Outputs:
             raise ConfigError(f"out must be a dict of arrays, by some of the names {', '.join(names)}")
         given = out if names else {"": out}
         unknown = [name for name in given if names and name not in names]
-        if unknown or not given:
+        if not given:
+            raise ConfigError(f"out names no column; there are {', '.join(names)}")
+        if unknown:
             raise ConfigError(f"there is no column {', '.join(map(str, unknown))}; there are {', '.join(names)}")
         self.out, self.wanted = out, tuple(given) if names else None
         self._rows: dict[str, Any] = {}
@@ -66,8 +68,11 @@ def _row_view(array: Any, name: str, shape: tuple[int, ...], dtype: Any, count: 
         raise DtypeError(f"{name} must be a numpy array, not {type(array).__name__}")
     if array.dtype != dtype:
         raise DtypeError(f"{name} has dtype {array.dtype}, but must have {dtype}")
-    if array.ndim <= len(shape) or array.shape[array.ndim - len(shape) :] != shape or not array.flags.c_contiguous:
-        raise ShapeError(f"{name} has shape {array.shape}, but must be contiguous and have (..., {', '.join(map(str, shape))})")
+    if array.ndim <= len(shape) or array.shape[array.ndim - len(shape) :] != shape:
+        wanted = ", ".join(["...", *map(str, shape)])
+        raise ShapeError(f"{name} has shape {array.shape}, but must have ({wanted})")
+    if not array.flags.c_contiguous:
+        raise ShapeError(f"{name} must be contiguous")
     if not array.flags.writeable:
         raise DtypeError(f"{name} is read-only")
     rows = array.reshape(-1, *shape)

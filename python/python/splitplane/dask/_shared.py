@@ -73,10 +73,11 @@ class _Shared:
         self._folder: Path | None = None
         if folder is not None:
             self._folder = Path(folder).resolve() / self._name
-            write(self._folder, files)
         place = files if self._folder is None else str(self._folder)
         keeper = Keeper(self._name, _native.VERSION, self._digest, kind, about, place)
         try:
+            if self._folder is not None:
+                write(self._folder, files)
             self._client.register_plugin(keeper, name=self._name)
         except BaseException:
             self._remove()
