@@ -87,7 +87,7 @@ fn can_be_sent<T: Send>(future: T) -> T {
 }
 
 #[test]
-#[cfg_attr(no_gpu, ignore = "needs a GPU adapter")]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn trees_and_hits_are_those_of_the_calls_that_block() {
     let gpu = pollster::block_on(can_be_sent(Gpu::open_async(&options()))).expect("a device");
     let asynchronous =
@@ -138,7 +138,7 @@ fn trees_and_hits_are_those_of_the_calls_that_block() {
 }
 
 #[test]
-#[cfg_attr(no_gpu, ignore = "needs a GPU adapter")]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn one_thread_has_two_of_them_under_way() {
     let (backend, scene) = (backend(), scene());
     let (mesh, rays, build) = (scene.mesh(), rays(&scene), BuildOptions::default());
@@ -167,7 +167,7 @@ fn one_thread_has_two_of_them_under_way() {
 }
 
 #[test]
-#[cfg_attr(no_gpu, ignore = "needs a GPU adapter")]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn what_is_dropped_is_cancelled_and_the_backend_goes_on() {
     let (backend, scene) = (backend(), scene());
     let (mesh, rays, build) = (scene.mesh(), rays(&scene), BuildOptions::default());
@@ -191,7 +191,7 @@ fn what_is_dropped_is_cancelled_and_the_backend_goes_on() {
 }
 
 #[test]
-#[cfg_attr(no_gpu, ignore = "needs a GPU adapter")]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn a_watch_cancels_them() {
     let (backend, scene) = (backend(), scene());
     let (mesh, rays) = (scene.mesh(), rays(&scene));
@@ -222,7 +222,7 @@ fn a_watch_cancels_them() {
 }
 
 #[test]
-#[cfg_attr(no_gpu, ignore = "needs a GPU adapter")]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn a_lost_device_ends_them_soon() {
     let start = Instant::now();
     let gpu = pollster::block_on(Gpu::open_async(&options())).expect("a device");
@@ -254,7 +254,7 @@ fn a_lost_device_ends_them_soon() {
 }
 
 #[test]
-#[cfg_attr(no_gpu, ignore = "needs a GPU adapter")]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn a_device_that_takes_too_long_is_an_error() {
     let gpu = Gpu::clone(&common::gpu()).with_timeout(Duration::ZERO);
     let (backend, scene) = (WgpuBackend::without_selftest(gpu), scene());
