@@ -125,7 +125,7 @@ impl Whole {
             if let Some([name, here, there]) = first.difference(part) {
                 let [first, other] = [first_path, path].map(quoted_path);
                 return Err(Failure::file(format!(
-                    "`{other}` is of another picture than `{first}`: its setting `{name}` is {there}, not {here}"
+                    "`{other}` is of another picture than `{first}`: `{name}` is {there}, not {here}"
                 )));
             }
         }

@@ -113,13 +113,13 @@ fn parts_that_make_no_picture_are_refused() {
     let said = format!("part 2/3 is there twice, in `{two}` and in `copy.picpart`");
     assert!(error.contains(&said), "{error}");
     for (options, said) in [
-        (&["builtin:spheres", "--samples", "4"][..], "its samples is 4, not 1"),
-        (&["builtin:spheres", "--samples", "1", "--exposure", "2"], "its exposure is 2.0, not 1.0"),
-        (&["builtin:spheres", "--samples", "1", "--aov", "depth"], "its outputs is {"),
-        (&["builtin:spheres", "--samples", "1", "--preset", "best"], "its tree is "),
-        (&["builtin:spheres", "--samples", "1", "--accuracy", "exact"], "its accuracy is exact"),
-        (&["builtin:spheres", "--samples", "1", "--size", "9x9"], "its size is 9x9, not 33x21"),
-        (&["builtin:spheres", "--samples", "1", "--light", "1,9,1"], "its materials and lights is"),
+        (&["builtin:spheres", "--samples", "4"][..], "`samples` is 4, not 1"),
+        (&["builtin:spheres", "--samples", "1", "--exposure", "2"], "`exposure` is 2.0, not 1.0"),
+        (&["builtin:spheres", "--samples", "1", "--aov", "depth"], "`outputs` is {"),
+        (&["builtin:spheres", "--samples", "1", "--preset", "best"], "`tree` is "),
+        (&["builtin:spheres", "--samples", "1", "--accuracy", "exact"], "`accuracy` is exact"),
+        (&["builtin:spheres", "--samples", "1", "--size", "9x9"], "`size` is 9x9, not 33x21"),
+        (&["builtin:spheres", "--samples", "1", "--light", "1,9,1"], "`materials and lights` is"),
     ] {
         let mut arguments = vec!["render", "--part", "2/3", "-o", "other.picpart"];
         arguments.extend(options);
@@ -217,7 +217,7 @@ fn frames_are_shared_out() {
         assert_eq!(fs::read_dir(folder.path().join("parts")).unwrap().count(), 5);
         let many = ["animate", scene, "--out", "more", "--part", "1/6"];
         let error = fail(&folder, 2, &[&many[..], &small].concat());
-        assert!(error.contains("there are 5 frames, so this part has none"), "{error}");
+        assert!(error.contains("the animation has 5 frames, so this part has none"), "{error}");
         let alone = ["animate", scene, "--part", "1/2"];
         assert!(fail(&folder, 2, &alone).contains("--out <DIR>"));
         let movie = ["animate", scene, "--out", "o", "--part", "1/2", "--movie", "a.gif"];

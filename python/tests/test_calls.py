@@ -70,8 +70,8 @@ import os, signal, sys, threading, time
 sys.path.insert(0, sys.argv[1])
 from test_calls import hard
 tree, points = hard()
-threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
 try:
+    threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
     tree.closest_points(points)
 except KeyboardInterrupt:
     print("interrupted", tree.closest_points([0, 0, 3]).found)
