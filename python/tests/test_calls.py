@@ -70,6 +70,7 @@ import os, signal, sys, threading, time
 sys.path.insert(0, sys.argv[1])
 from test_calls import hard
 tree, points = hard()
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
 try:
     threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
     tree.closest_points(points)
