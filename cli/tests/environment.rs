@@ -130,7 +130,10 @@ fn choices_are_said() {
     let [a, b] = ["a.png", "b.png"].map(|name| fs::read(folder.path().join(name)).unwrap());
     assert!(a == b);
     let error = fail(&folder, 3, &["merge", "1.picpart", "other.picpart", "-o", "b.png"]);
-    assert!(error.contains("its materials and lights is"), "{error}");
+    assert!(
+        error.contains("of another picture") && error.contains("`materials and lights` is"),
+        "{error}"
+    );
 }
 
 #[test]
