@@ -201,7 +201,7 @@ fn a_million_triangles() {
     }
 }
 
-/// Through the trait, first with buffers of its own and then with those of the first build.
+/// Through the trait; in long runs first with buffers of its own and then with those of the first build.
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 #[cfg_attr(no_scenes, ignore = "no scenes folder; set SPLITPLANE_SCENES")]
@@ -210,7 +210,7 @@ fn a_large_real_scene() {
     let options = BuildOptions::default();
     let expected = CpuBackend::new().build_tree(&scene.mesh(), &options).expect("a tree");
     let backend = backend();
-    for _ in 0..2 {
+    for _ in 0..if is_long() { 2 } else { 1 } {
         check_trait(&backend, &scene.mesh(), &expected, "bathroom");
     }
 }
