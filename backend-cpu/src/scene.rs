@@ -11,7 +11,7 @@ use splitplane_core::backend::scene::{
 use splitplane_core::error::{QueryError, refused};
 use splitplane_core::query::closest_point::check_lengths;
 use splitplane_core::query::inside::{LocateOptions, Located};
-use splitplane_core::ray::Ray;
+use splitplane_core::ray::{Accuracy, Ray};
 use splitplane_core::report::QueryReport;
 use splitplane_core::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport};
 use splitplane_core::watch::Stage;
@@ -20,13 +20,14 @@ use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
 use crate::near::in_order::{Parts, answer_in_order};
 use crate::simd::InstructionSet;
 
+mod counting;
 mod parts;
 mod seen;
 mod single;
 mod stream;
 mod top_walk;
 
-use parts::{Geometries, Kind, is_direct};
+use parts::{Geometries, Kind};
 use single::{Followed, SceneSingle};
 use stream::SceneStream;
 use top_walk::VectorWalker;
@@ -68,12 +69,10 @@ impl CpuScene {
 
     /// The answer to one ray.
     fn answer_one<T: SceneAnswer>(&self, ray: &Ray, options: &SceneOptions<'_>) -> T {
-        if options.filter.is_none() && !self.built.has_opacity() {
-            let single = SceneSingle { scene: &self.built, ray, options, set: self.set };
-            // SAFETY: the set is one of this processor's.
-            if let Followed::Answer(answer) = unsafe { single.follow() } {
-                return answer;
-            }
+        let single = SceneSingle { scene: &self.built, ray, options, set: self.set };
+        // SAFETY: the set is one of this processor's.
+        if let Followed::Answer(answer) = unsafe { single.follow() } {
+            return answer;
         }
         self.built.answer_one(ray, options)
     }
@@ -90,22 +89,23 @@ impl CpuScene {
         meter.begin_stage(Stage::Rays, rays.len() as u64);
         let size = if meter.is_watched() { WATCHED_BLOCK } else { BLOCK };
         let blocks = rays.par_chunks(size).zip(answers.par_chunks_mut(size));
-        let entered = blocks.map(|(rays, answers)| {
+        let followed = blocks.map(|(rays, answers)| {
             meter.check_batch()?;
             let scene = &self.built;
             let stream = SceneStream { scene, geometries, rays, answers, options };
             // SAFETY: the set is one of this processor's; geometries were made for it.
-            let entered = unsafe { self.set.run(stream) };
-            let entered = entered.map_err(|_| refused((16 * geometries.stack * 8) as u64))?;
+            let followed = unsafe { self.set.run(stream) };
+            let followed = followed.map_err(|_| refused((16 * geometries.stack * 8) as u64))?;
             meter.advance(rays.len() as u64);
             meter.record_work(WORK_BETWEEN_CHECKS);
-            Ok::<u64, QueryError>(entered)
+            Ok::<_, QueryError>([followed.entered, followed.rejected])
         });
-        let entered = entered.try_reduce(|| 0, |one, other| Ok(one + other))?;
+        let [entered, rejected] = followed
+            .try_reduce(|| [0; 2], |one, other| Ok([one[0] + other[0], one[1] + other[1]]))?;
         meter.finish_stage();
         meter.check_batch()?;
         let mut report = SceneReport::default();
-        report.entered = entered;
+        (report.entered, report.rejected) = (entered, rejected);
         Ok(report)
     }
 
@@ -116,7 +116,7 @@ impl CpuScene {
         options: &SceneOptions<'_>,
     ) -> Result<SceneReport, QueryError> {
         check_lengths(rays.len(), answers.len())?;
-        if is_direct(&self.built, options)
+        if options.accuracy != Accuracy::Exact
             && let Some(kind) = self.kind
         {
             let geometries = &Geometries::of(&self.built, self.set, kind, rays.len())?;

@@ -487,7 +487,7 @@ fn opacity_masks_are_filters() {
         (vec![SceneHit::MISS; rays.len()], vec![SceneHit::MISS; rays.len()]);
     let report = built.closest_hits(&rays, &mut expected, &filtered).unwrap();
     built.closest_hits(&rays, &mut plain, &SceneOptions::default()).unwrap();
-    assert!(report.filtered > 500 && bits(&plain) != bits(&expected));
+    assert!(report.rejected > 500 && bits(&plain) != bits(&expected));
     for (&(name, _), mask) in geometries.iter().zip(&masks) {
         scene.set_opacity(name, Some(mask.clone())).unwrap();
     }

@@ -1,17 +1,16 @@
-//! The geometries of a scene, where all of them are this backend's and of one kind.
+//! The geometries of a scene, where all meshes of them are this backend's and of one kind.
 
 use core::mem::size_of;
 
 use splitplane_core::backend::QueryLayout;
 use splitplane_core::backend::scene::{BuiltGeometry, BuiltScene};
 use splitplane_core::error::{QueryError, refused};
-use splitplane_core::ray::Accuracy;
-use splitplane_core::scene::{GeometryId, SceneOptions};
+use splitplane_core::scene::{GeometryId, SceneOptions, ShapeTree};
 
 use crate::accelerator::CpuAccelerator;
 use crate::simd::InstructionSet;
 
-/// What all geometries of a scene have in common.
+/// What all meshes of a scene have in common.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Kind {
     /// Entries of the longest stack that a ray needs in one of them.
@@ -21,12 +20,21 @@ pub(super) struct Kind {
     names: usize,
 }
 
-/// The accelerators of a scene's geometries, by name.
+/// What a geometry's rays meet.
+#[derive(Clone, Copy)]
+pub(super) enum Reached<'a> {
+    /// Triangles, of this backend's and made for the set.
+    Triangles(&'a CpuAccelerator),
+    /// Shapes.
+    Shapes(&'a ShapeTree),
+}
+
+/// What rays meet in a scene's geometries, by name.
 pub(super) struct Geometries<'a> {
     scene: &'a BuiltScene,
     set: InstructionSet,
     /// All of them; `None` where they are looked up one by one.
-    listed: Option<Vec<Option<&'a CpuAccelerator>>>,
+    listed: Option<Vec<Option<Reached<'a>>>>,
     /// Entries of the longest stack that a ray needs in one of them.
     pub(super) stack: usize,
     pub(super) layout: QueryLayout,
@@ -41,25 +49,37 @@ pub(super) fn accelerator(
     (accelerator.instruction_set() == set).then_some(accelerator)
 }
 
-/// Whether rays can be followed from instance to instance, which filters, opacity masks and exact answers do not allow.
-pub(super) fn is_direct(scene: &BuiltScene, options: &SceneOptions<'_>) -> bool {
-    options.filter.is_none() && !scene.has_opacity() && options.accuracy != Accuracy::Exact
+/// What a geometry's rays meet; `None` where that is another backend's.
+pub(super) fn reached(geometry: &BuiltGeometry, set: InstructionSet) -> Option<Reached<'_>> {
+    match geometry.shapes() {
+        Some(shapes) => Some(Reached::Shapes(shapes)),
+        None => accelerator(geometry, set).map(Reached::Triangles),
+    }
+}
+
+/// Whether all hits of a query count.
+pub(super) fn all_count(scene: &BuiltScene, options: &SceneOptions<'_>) -> bool {
+    options.filter.is_none() && !scene.has_opacity()
 }
 
 impl Kind {
-    /// `None` where geometries are of several kinds, or of another backend, and where there is none.
+    /// `None` where meshes are of several kinds, or of another backend, and where there is no geometry.
     pub(super) fn of(scene: &BuiltScene, set: InstructionSet) -> Option<Kind> {
         let mut kind: Option<Kind> = None;
+        let mut names = None;
         for (name, geometry) in scene.geometries() {
-            let own = accelerator(geometry, set)?;
+            names = Some(name.0 as usize + 1);
+            let Reached::Triangles(own) = reached(geometry, set)? else { continue };
             let (stack, layout) = (own.parts().0.wide.stack(), own.layout());
             if kind.is_some_and(|kind| kind.layout != layout) {
                 return None;
             }
             let stack = kind.map_or(stack, |kind| kind.stack.max(stack));
-            kind = Some(Kind { stack, layout, names: name.0 as usize + 1 });
+            kind = Some(Kind { stack, layout, names: 0 });
         }
-        kind
+        // Without meshes nothing needs a stack.
+        let kind = kind.unwrap_or(Kind { stack: 0, layout: QueryLayout::Fast, names: 0 });
+        Some(Kind { names: names?, ..kind })
     }
 }
 
@@ -79,21 +99,21 @@ impl<'a> Geometries<'a> {
             return Ok(Geometries { scene, set, listed: None, stack, layout });
         }
         let mut listed = Vec::new();
-        let bytes = names * size_of::<Option<&CpuAccelerator>>();
+        let bytes = names * size_of::<Option<Reached<'_>>>();
         listed.try_reserve_exact(names).map_err(|_| refused(bytes as u64))?;
         listed.extend((0..names as u32).map(|name| {
             let geometry = scene.geometry(GeometryId(name));
-            geometry.and_then(|geometry| accelerator(geometry, set))
+            geometry.and_then(|geometry| reached(geometry, set))
         }));
         Ok(Geometries { scene, set, listed: Some(listed), stack, layout })
     }
 
-    /// A geometry's accelerator.
+    /// What a geometry's rays meet.
     #[inline]
-    pub(super) fn get(&self, geometry: GeometryId) -> Option<&'a CpuAccelerator> {
+    pub(super) fn get(&self, geometry: GeometryId) -> Option<Reached<'a>> {
         match &self.listed {
             Some(listed) => *listed.get(geometry.0 as usize)?,
-            None => accelerator(self.scene.geometry(geometry)?, self.set),
+            None => reached(self.scene.geometry(geometry)?, self.set),
         }
     }
 }

@@ -3,10 +3,11 @@
 use core::mem::MaybeUninit;
 
 use splitplane_core::backend::scene::{Asked, BuiltScene, SceneAnswer, seen_by};
-use splitplane_core::ray::Ray;
+use splitplane_core::query::traverse::Query;
+use splitplane_core::ray::{Hit, Ray};
 use splitplane_core::scene::{InstanceId, SceneHit, SceneOptions, TopRay, TopStack, WIDEST_STACK};
 
-use super::parts::accelerator;
+use super::parts::{Reached, reached};
 use super::top_walk::{VectorRay, next};
 use crate::simd::{Compiled, InstructionSet, Simd};
 use crate::trace::single::Single;
@@ -68,14 +69,28 @@ impl<T: SceneAnswer> Compiled for Following<'_, T> {
             let Some(asked) = Asked::of(instance, placement, options) else { continue };
             let geometry = placement.instance.geometry;
             let Some(built) = scene.geometry(geometry) else { continue };
-            let Some(accelerator) = accelerator(built, set) else { return Followed::Elsewhere };
-            let (layout, scale) = accelerator.parts();
-            let seen = seen_by(placement, ray, &best);
-            let query = options.of_geometry(asked.culling, asked.ignore, None);
-            let single =
-                Single { layout, scene: scale, ray: &seen, options: &query, query: T::QUERY };
-            // SAFETY: the caller's contract; the geometry was made for the set.
-            let hit = unsafe { S::call(single) };
+            let Some(reached) = reached(built, set) else { return Followed::Elsewhere };
+            let seen = &seen_by(placement, ray, &best);
+            let asked = &options.of_geometry(asked.culling, asked.ignore, None);
+            let kept = built.kept(geometry, instance, options);
+            let hit = match reached {
+                Reached::Shapes(shapes) => {
+                    let keep = |hit: &Hit| kept.is_none_or(|kept| kept.keeps(hit));
+                    shapes.trace(seen, asked, T::QUERY, keep)
+                }
+                Reached::Triangles(accelerator) => {
+                    let (layout, scene) = accelerator.parts();
+                    // A hit of which not all parts are known cannot be judged.
+                    let query = if kept.is_some() { Query::Closest } else { T::QUERY };
+                    let single = Single { layout, scene, ray: seen, options: asked, query };
+                    // SAFETY: the caller's contract; the geometry was made for the set.
+                    let first = unsafe { S::call(single) };
+                    match kept {
+                        Some(kept) => kept.next(built, seen, first, (asked, T::QUERY), &mut 0),
+                        None => first,
+                    }
+                }
+            };
             let found = SceneHit::of(&hit, geometry, instance);
             if found.is_hit() && found.precedes(&answer.best()) && answer.take(found) {
                 return Followed::Answer(answer);

@@ -4,6 +4,8 @@
 //! next instance that it enters, until none is left that could precede its best hit. So a ray's stack of instances stays where it is near, and
 //! nothing is sorted.
 
+use core::cell::Cell;
+use core::marker::PhantomData;
 use std::collections::TryReserveError;
 
 use splitplane_core::backend::QueryLayout;
@@ -14,7 +16,8 @@ use splitplane_core::scene::{
     GeometryId, InstanceId, Placement, SceneHit, SceneOptions, TopRay, TopStack,
 };
 
-use super::parts::Geometries;
+use super::counting::{Counting, EveryHit, KeptHits};
+use super::parts::{Geometries, Reached, all_count};
 use super::seen::seen_by;
 use super::top_walk::{VectorRay, next};
 use crate::layout::tree_layout::TreeLayout;
@@ -22,6 +25,7 @@ use crate::layout::wide_node::{CacheLine, DONE};
 use crate::memory::lengthen;
 use crate::simd::{Compiled, Simd, prefetch};
 use crate::trace::block_test::BestHit;
+use crate::trace::keep::Keep;
 use crate::trace::leaves::{IndexedLeaves, Leaves, PackedLeaves};
 use crate::trace::prepare_one::Readiness;
 use crate::trace::queues::{FLIGHT, Queues, Turn};
@@ -59,23 +63,38 @@ impl<'a> Found<'a> for IndexedLeaves<'a> {
 }
 
 impl<T: SceneAnswer> Compiled for SceneStream<'_, T> {
-    /// How many instances were entered; an error where there is no memory for the rays under way.
-    type Output = Result<u64, TryReserveError>;
+    /// An error where there is no memory for the rays under way.
+    type Output = Result<Followed, TryReserveError>;
 
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn run<S: Simd>(self) -> Result<u64, TryReserveError> {
+    unsafe fn run<S: Simd>(self) -> Result<Followed, TryReserveError> {
         // SAFETY: the caller's contract.
         unsafe {
-            match self.geometries.layout {
-                QueryLayout::Compact => S::call(Flying::<T, IndexedLeaves<'_>>::new(self)),
-                _ => S::call(Flying::<T, PackedLeaves<'_>>::new(self)),
+            match (self.geometries.layout, all_count(self.scene, self.options)) {
+                (QueryLayout::Compact, true) => {
+                    S::call(Flying::<T, IndexedLeaves<'_>, EveryHit>::new(self))
+                }
+                (QueryLayout::Compact, false) => {
+                    S::call(Flying::<T, IndexedLeaves<'_>, KeptHits>::new(self))
+                }
+                (_, true) => S::call(Flying::<T, PackedLeaves<'_>, EveryHit>::new(self)),
+                (_, false) => S::call(Flying::<T, PackedLeaves<'_>, KeptHits>::new(self)),
             }
         }
     }
 }
 
+/// What following rays took.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Followed {
+    /// Instances entered.
+    pub(super) entered: u64,
+    /// Hits that did not count.
+    pub(super) rejected: u64,
+}
+
 /// A ray in an instance.
-struct Lane<'a, T, L> {
+struct Lane<'a, T, L, K> {
     ray_state: RayState,
     /// Its current child, and the last entry of its stack.
     child: u32,
@@ -83,7 +102,7 @@ struct Lane<'a, T, L> {
     best: BestHit,
     lines: *const CacheLine,
     /// `None` before the first instance.
-    within: Option<Within<'a, L>>,
+    within: Option<Within<'a, L, K>>,
     instance: InstanceId,
     geometry: GeometryId,
     /// Its place in the batch; [`RayState::NO_RAY`] for none.
@@ -95,29 +114,31 @@ struct Lane<'a, T, L> {
 }
 
 /// What tests of triangles read in an instance.
-struct Within<'a, L> {
+struct Within<'a, L, K> {
     leaves: L,
+    keep: K,
     options: QueryOptions<'a>,
 }
 
 /// The rays under way.
-struct Flying<'a, T, L> {
+struct Flying<'a, T, L, C> {
     stream: SceneStream<'a, T>,
-    leaves: core::marker::PhantomData<L>,
+    of: PhantomData<(L, C)>,
 }
 
-impl<'a, T, L> Flying<'a, T, L> {
+impl<'a, T, L, C> Flying<'a, T, L, C> {
     #[cfg_attr(not(unoptimised), inline(always))]
-    fn new(stream: SceneStream<'a, T>) -> Flying<'a, T, L> {
-        Flying { stream, leaves: core::marker::PhantomData }
+    fn new(stream: SceneStream<'a, T>) -> Flying<'a, T, L, C> {
+        Flying { stream, of: PhantomData }
     }
 }
 
-impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for Flying<'a, T, L> {
-    type Output = Result<u64, TryReserveError>;
+impl<'a, T: SceneAnswer, L: Found<'a>, C: Counting> Compiled for Flying<'a, T, L, C> {
+    type Output = Result<Followed, TryReserveError>;
 
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn run<S: Simd>(self) -> Result<u64, TryReserveError> {
+    unsafe fn run<S: Simd>(self) -> Result<Followed, TryReserveError> {
+        let rejected = Cell::new(0);
         let SceneStream { scene, geometries, rays, answers, options } = self.stream;
         let (room, top_room) = (geometries.stack, scene.top_tree().stack());
         let (mut children, mut t) = (Vec::new(), Vec::new());
@@ -125,7 +146,7 @@ impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for Flying<'a, T, L> {
         lengthen(&mut t, room * FLIGHT, 0.0)?;
         let mut top_stacks: Vec<TopStack> = Vec::new();
         lengthen(&mut top_stacks, top_room * FLIGHT, (0.0, 0))?;
-        let mut lanes: Vec<Lane<'a, T, L>> = Vec::new();
+        let mut lanes: Vec<Lane<'_, T, L, C::Keep<'_>>> = Vec::new();
         lanes.try_reserve_exact(FLIGHT)?;
         lanes.extend((0..FLIGHT).map(|_| Lane {
             ray_state: RayState::none(),
@@ -212,41 +233,65 @@ impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for Flying<'a, T, L> {
                     let asked = Asked::of(lane.instance, placement, options);
                     let Some(asked) = asked else { break 'enter Turn::Refill };
                     lane.geometry = placement.instance.geometry;
-                    let accelerator = geometries.get(lane.geometry);
-                    let Some(accelerator) = accelerator else { break 'enter Turn::Refill };
+                    let Some(reached) = geometries.get(lane.geometry) else {
+                        break 'enter Turn::Refill;
+                    };
+                    let of = (lane.geometry, lane.instance);
+                    let keep = C::within(scene, of, options, &rejected);
+                    let ray = &rays[lane.index as usize];
+                    let query = options.of_geometry(asked.culling, asked.ignore, None);
+                    let accelerator = match reached {
+                        Reached::Triangles(accelerator) => accelerator,
+                        Reached::Shapes(shapes) => {
+                            entered += 1;
+                            let seen = seen_by(&placement.space, ray, &lane.answer.best()).ray();
+                            let keep = |hit: &Hit| keep.keeps(hit);
+                            lane.best.hit = shapes.trace(&seen, &query, T::QUERY, keep);
+                            break 'enter Turn::Refill;
+                        }
+                    };
                     let (layout, scale) = accelerator.parts();
                     let Some(leaves) = L::of(layout) else { break 'enter Turn::Refill };
                     if layout.wide.lines().is_empty() {
                         break 'enter Turn::Refill;
                     }
                     entered += 1;
-                    let ray = &rays[lane.index as usize];
                     let seen = seen_by(&placement.space, ray, &lane.answer.best());
-                    let query = options.of_geometry(asked.culling, asked.ignore, None);
                     match lane.ray_state.prepare_loaded(&seen, scale, T::QUERY) {
                         Readiness::Misses => break 'enter Turn::Refill,
                         Readiness::Ready => {}
                         Readiness::Special => {
                             let ray = &seen.ray();
-                            match RayState::prepare_by_core(ray, scale, query.accuracy, T::QUERY) {
-                                Some(ScalarOutcome::Traced(moved)) => lane.ray_state = moved,
-                                Some(ScalarOutcome::Answer(hit)) => {
-                                    lane.best.hit = hit;
-                                    break 'enter Turn::Refill;
+                            // A hit of which not all parts are known cannot be judged.
+                            let first = if C::Keep::ALL { T::QUERY } else { Query::Closest };
+                            let hit = match RayState::prepare_by_core(
+                                ray,
+                                scale,
+                                query.accuracy,
+                                T::QUERY,
+                            ) {
+                                Some(ScalarOutcome::Traced(moved)) => {
+                                    lane.ray_state = moved;
+                                    None
                                 }
+                                Some(ScalarOutcome::Answer(hit)) => Some(hit),
                                 None => {
-                                    let (options, query) = (&query, T::QUERY);
-                                    let single =
-                                        Single { layout, scene: scale, ray, options, query };
+                                    let (scene, options, query) = (scale, &query, first);
+                                    let single = Single { layout, scene, ray, options, query };
                                     // SAFETY: the caller's contract.
-                                    lane.best.hit = unsafe { S::call(single) };
-                                    break 'enter Turn::Refill;
+                                    Some(unsafe { S::call(single) })
                                 }
+                            };
+                            if let Some(hit) = hit {
+                                let asked = (&query, T::QUERY);
+                                lane.best.hit =
+                                    C::settle(keep, scene, lane.geometry, ray, hit, asked);
+                                break 'enter Turn::Refill;
                             }
                         }
                     }
                     lane.lines = layout.wide.lines().as_ptr();
-                    lane.within = Some(Within { leaves, options: query });
+                    lane.within = Some(Within { leaves, keep, options: query });
                     (lane.child, lane.top) = (0, 0);
                     let mut stack = stack!(number);
                     // SAFETY: stacks have the space.
@@ -256,7 +301,7 @@ impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for Flying<'a, T, L> {
                 queues.wait(number, turn);
             }
             if queues.is_empty() {
-                return Ok(entered);
+                return Ok(Followed { entered, rejected: rejected.get() });
             }
             for number in queues.take(Turn::Node) {
                 // SAFETY: lanes are below FLIGHT.
@@ -282,6 +327,7 @@ impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for Flying<'a, T, L> {
                     leaves: within.leaves,
                     options: &within.options,
                     query: T::QUERY,
+                    keep: within.keep,
                 };
                 let leaves = within.leaves;
                 let room = &mut leaf_room;
@@ -309,7 +355,7 @@ impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for Flying<'a, T, L> {
     }
 }
 
-impl<T: SceneAnswer, L> Lane<'_, T, L> {
+impl<T: SceneAnswer, L, K> Lane<'_, T, L, K> {
     /// Takes a hit in the instance that the ray is in. True when the ray is done.
     #[cfg_attr(not(unoptimised), inline(always))]
     fn take(&mut self, hit: Hit) -> bool {

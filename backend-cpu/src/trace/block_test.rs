@@ -12,6 +12,7 @@ use splitplane_core::ray::{Accuracy, Hit, QueryOptions};
 use splitplane_core::triangle::Triangle;
 
 use super::fast;
+use super::keep::{Keep, KeepAll};
 use super::ray_state::RayState;
 use super::refined::Pairs;
 use super::watertight::{Corner, Met, Span, View, meet};
@@ -34,9 +35,21 @@ impl BestHit {
     /// for any hit that is the end.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) fn take(&mut self, ray: &PreparedRay, found: &Candidate, triangle: u32) -> bool {
+        self.take_kept(ray, found, triangle, KeepAll)
+    }
+
+    /// The same, if it counts.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn take_kept<K: Keep>(
+        &mut self,
+        ray: &PreparedRay,
+        found: &Candidate,
+        triangle: u32,
+        keep: K,
+    ) -> bool {
         let Some(t) = ray.outer_t::<Strict>(found.t) else { return false };
         let hit = Hit { t, triangle, u: found.u, v: found.v };
-        let better = hit.precedes(&self.hit);
+        let better = hit.precedes(&self.hit) && keep.keeps(&hit);
         if better {
             *self = BestHit { hit, stop: ray.stop_after(found.t, t) };
         }
@@ -72,16 +85,15 @@ pub(crate) fn test_one(
     decide(ray, corners, options).is_some_and(|found| best.take(ray, &found, triangle))
 }
 
-/// Tests a block. True when the best hit changed, which for any hit is the end. The ray must not be wide.
+/// Tests a block. True when the best hit changed, which for any hit is the end. The ray must not be wide. Hits that do not count are not taken.
 ///
 /// # Safety
 /// The processor must have the set, and a block of its width must follow the triangles' words.
 #[cfg_attr(not(unoptimised), inline(always))]
-pub(crate) unsafe fn test<S: Simd, T: TriangleBlock>(
+pub(crate) unsafe fn test<S: Simd, T: TriangleBlock, K: Keep>(
     ray_state: &RayState,
     block: &T,
-    options: &QueryOptions<'_>,
-    query: Query,
+    (options, query, keep): (&QueryOptions<'_>, Query, K),
     best: &mut BestHit,
 ) -> bool {
     let limit = if best.stop < ray_state.t_max { best.stop } else { ray_state.t_max };
@@ -92,7 +104,7 @@ pub(crate) unsafe fn test<S: Simd, T: TriangleBlock>(
             let mut sifted = Met::NONE;
             sifted.unclear = sift_fast::<S, T>(ray_state, block, limit);
             return sifted.unclear != 0
-                && test_sifted(ray_state, block, options, query, &sifted, best);
+                && test_sifted(ray_state, block, (options, query, keep), &sifted, best);
         }
         let seen = ShearedBlock::<S, T>::new(ray_state, block);
         // Lanes after the last triangle do not count.
@@ -122,7 +134,7 @@ pub(crate) unsafe fn test<S: Simd, T: TriangleBlock>(
         let one =
             if any { nearest != 0 } else { meeting.unclear == 0 && nearest.is_power_of_two() };
         // Of moved rays different inner `t` may be one to the caller, or beyond the limits.
-        if one && options.ignore.is_none() && ray_state.offset == 0.0 {
+        if K::ALL && one && options.ignore.is_none() && ray_state.offset == 0.0 {
             let index = nearest.trailing_zeros() as usize % S::N;
             let inner = S::lane(meeting.t, index);
             let t = inner * power_of_two(-ray_state.exponent);
@@ -146,17 +158,16 @@ pub(crate) unsafe fn test<S: Simd, T: TriangleBlock>(
                 }
             }
         }
-        test_sifted(ray_state, block, options, query, &Met::of(&meeting), best)
+        test_sifted(ray_state, block, (options, query, keep), &Met::of(&meeting), best)
     }
 }
 
-/// The rest of [`test()`] where more than one triangle counts, or one that needs a closer look.
+/// The rest of [`test()`] where more than one triangle counts, or one that needs a closer look, or where a hit may not count.
 #[inline(never)]
-fn test_sifted<T: TriangleBlock>(
+fn test_sifted<T: TriangleBlock, K: Keep>(
     ray_state: &RayState,
     block: &T,
-    options: &QueryOptions<'_>,
-    query: Query,
+    (options, query, keep): (&QueryOptions<'_>, Query, K),
     sifted: &Met,
     best: &mut BestHit,
 ) -> bool {
@@ -177,7 +188,7 @@ fn test_sifted<T: TriangleBlock>(
             let Some(found) = decide(&ray, &block.corners(index), options) else { continue };
             found
         };
-        if best.take(&ray, &found, triangle) {
+        if best.take_kept(&ray, &found, triangle, keep) {
             better = true;
             if query == Query::Any {
                 return true;

@@ -14,6 +14,7 @@ pub(crate) mod batch;
 pub(crate) mod block_test;
 pub(crate) mod exact;
 pub(crate) mod fast;
+pub(crate) mod keep;
 pub(crate) mod leaves;
 pub(crate) mod packet;
 pub(crate) mod prepare;

@@ -8,6 +8,7 @@ use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 
 use super::batch::{Answers, RayBatch};
 use super::block_test::BestHit;
+use super::keep::KeepAll;
 use super::leaves::{IndexedLeaves, Leaves, PackedLeaves};
 use super::prepare_one::Readiness;
 use super::ray_state::{RayState, ScalarOutcome};
@@ -141,7 +142,7 @@ impl Single<'_> {
     ) -> Hit {
         let Single { layout, options, query, .. } = *self;
         let lines = layout.wide.lines().as_ptr();
-        let test = &TestContext { leaves, options, query };
+        let test = &TestContext { leaves, options, query, keep: KeepAll };
         let (mut room, mut best) = (L::room(), BestHit::NONE);
         let (room, best) = (&mut room, &mut best);
         let tested = &mut RayTest { test, room, ray_state, best, exact: None };

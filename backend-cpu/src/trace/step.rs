@@ -5,6 +5,7 @@ use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::QueryOptions;
 
 use super::block_test::BestHit;
+use super::keep::{Keep, KeepAll};
 use super::leaves::Leaves;
 use super::ray_state::RayState;
 use super::sieve::ExactLane;
@@ -162,16 +163,18 @@ fn ask_for_lines<S: Simd>(at: *const u8) {
 
 /// The triangle tests of traversals.
 #[derive(Clone, Copy)]
-pub(crate) struct TestContext<'a, L> {
+pub(crate) struct TestContext<'a, L, K = KeepAll> {
     pub leaves: L,
     pub options: &'a QueryOptions<'a>,
     pub query: Query,
+    /// Which hits count; exact tests ask nothing.
+    pub keep: K,
 }
 
 /// The state that tests of a ray's triangles read and write: the state of the ray, which must not
 /// be wide, its best hit, space for blocks, and its lane where tests are exact.
-pub(crate) struct RayTest<'a, L: Leaves> {
-    pub test: &'a TestContext<'a, L>,
+pub(crate) struct RayTest<'a, L: Leaves, K = KeepAll> {
+    pub test: &'a TestContext<'a, L, K>,
     pub room: &'a mut L::Room,
     pub ray_state: &'a mut RayState,
     pub best: &'a mut BestHit,
@@ -181,15 +184,15 @@ pub(crate) struct RayTest<'a, L: Leaves> {
 /// The test of the triangles of a child that is not a node and that a node names. True when the
 /// best hit changed, which for any hit is the end. Two words, so that they are returned in
 /// registers.
-pub(crate) struct TestLeaf<'a, 'b, L: Leaves>(pub u32, pub &'a mut RayTest<'b, L>);
+pub(crate) struct TestLeaf<'a, 'b, L: Leaves, K = KeepAll>(pub u32, pub &'a mut RayTest<'b, L, K>);
 
-impl<L: Leaves> Compiled for TestLeaf<'_, '_, L> {
+impl<L: Leaves, K: Keep> Compiled for TestLeaf<'_, '_, L, K> {
     type Output = bool;
 
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> bool {
         let TestLeaf(child, RayTest { test, room, ray_state, best, exact }) = self;
-        let TestContext { leaves, options, query } = **test;
+        let TestContext { leaves, options, query, keep } = **test;
         let (mut from, mut better) = (0, false);
         loop {
             // SAFETY: the caller's contract.
@@ -200,7 +203,7 @@ impl<L: Leaves> Compiled for TestLeaf<'_, '_, L> {
                     Some(exact) => {
                         exact.test::<S, _>(ray_state, &block, options, query, &mut best.stop)
                     }
-                    None => leaf::test::<S, _>(ray_state, &block, options, query, best),
+                    None => leaf::test::<S, _, _>(ray_state, &block, (options, query, keep), best),
                 }
             };
             if L::ONE || from == 0 || (better && query == Query::Any) {

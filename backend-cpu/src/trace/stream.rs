@@ -14,6 +14,7 @@ use splitplane_core::ray::Accuracy;
 
 use super::batch::{Answers, RayBatch};
 use super::block_test::BestHit;
+use super::keep::KeepAll;
 use super::leaves::{IndexedLeaves, Leaves, PackedLeaves};
 use super::packet::Packet;
 use super::prepare::{CHUNK, PreparedRays};
@@ -122,7 +123,7 @@ unsafe fn fly<S: Simd, L: Leaves>(
 ) {
     let RayBatch { layout, scene, rays, options, query } = batch;
     let lines = layout.wide.lines();
-    let test = &TestContext { leaves, options, query };
+    let test = &TestContext { leaves, options, query, keep: KeepAll };
     let mut leaf_room = L::room();
     let room = layout.wide.stack();
     let Flight { lanes, children, t, ready, ray_states, packet } = flight;

@@ -95,8 +95,8 @@ pub struct SceneReport {
     pub batches: u64,
     /// Rays whose instances the CPU found for a device. 0 for the CPU backend, and where a device finds them itself.
     pub placed_by_cpu: u64,
-    /// Rays of which a filter rejected the first hit it was shown, and that the CPU followed further.
-    pub filtered: u64,
+    /// Hits that a filter or an opacity mask rejected. One may be shown again, where several leaves name its triangle, and counts each time.
+    pub rejected: u64,
 }
 
 impl SceneReport {
@@ -109,7 +109,7 @@ impl SceneReport {
         self.entered += part.entered;
         self.batches += part.batches;
         self.placed_by_cpu += part.placed_by_cpu;
-        self.filtered += part.filtered;
+        self.rejected += part.rejected;
         Ok(())
     }
 }

@@ -9,6 +9,7 @@ use crate::layout::packed_block::PackedBlock;
 use crate::simd::{Compiled, MOST_LANES, Simd};
 use crate::trace::block_test as leaf;
 use crate::trace::block_test::BestHit;
+use crate::trace::keep::KeepAll;
 use crate::trace::step::Octant;
 use crate::trace::watertight::or_zero;
 
@@ -182,7 +183,12 @@ impl Group {
         let mut best = self.best(lane);
         // SAFETY: the caller's contract.
         let better = unsafe {
-            leaf::test::<S, _>(rays.ray_state::<S>(lane), block, options, query, &mut best)
+            leaf::test::<S, _, _>(
+                rays.ray_state::<S>(lane),
+                block,
+                (options, query, KeepAll),
+                &mut best,
+            )
         };
         if better {
             self.set(lane, &best);

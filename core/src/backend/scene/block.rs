@@ -310,7 +310,7 @@ impl Block<'_> {
         }
         for ((entry, ray), hit) in entries.iter().zip(&*rays).zip(hits) {
             let hit = match built.kept(geometry, entry.instance(), options) {
-                Some(kept) => kept.next(built, ray, *hit, (query, T::QUERY), &mut report.filtered),
+                Some(kept) => kept.next(built, ray, *hit, (query, T::QUERY), &mut report.rejected),
                 None => *hit,
             };
             let found = SceneHit::of(&hit, geometry, entry.instance());

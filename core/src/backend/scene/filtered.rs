@@ -26,24 +26,28 @@ impl Kept<'_> {
     }
 
     /// The hit of a ray (as the object sees it) that is the answer, given the first one. If that does not count, the reference traversal
-    /// looks through the host's copy of the tree for those that do: a rejected hit costs one test. Counts the rays for which this is done.
+    /// looks through the host's copy of the tree for those that do: a rejected hit costs one test. Counts the hits that are rejected.
     pub fn next(
         &self,
         built: &BuiltGeometry,
         ray: &Ray,
         first: Hit,
         (options, query): (&QueryOptions<'_>, Query),
-        filtered: &mut u64,
+        rejected: &mut u64,
     ) -> Hit {
-        if !first.is_hit() || self.keeps(&first) {
+        let mut keep = |hit: &Hit| {
+            let keeps = self.keeps(hit);
+            *rejected += u64::from(!keeps);
+            keeps
+        };
+        if !first.is_hit() || keep(&first) {
             return first;
         }
-        *filtered += 1;
         if let Some(shapes) = built.shapes() {
-            return shapes.trace(ray, options, query, |hit| self.keeps(hit));
+            return shapes.trace(ray, options, query, keep);
         }
         let (tree, mesh) = (built.accelerator.tree().view(), built.mesh.mesh());
-        trace_kept(&tree, &mesh, built.scale(), ray, options, query, |hit| self.keeps(hit))
+        trace_kept(&tree, &mesh, built.scale(), ray, options, query, keep)
     }
 }
 
