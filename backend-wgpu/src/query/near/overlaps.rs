@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use rayon::prelude::*;
-use splitplane_core::error::{QueryError, refused};
+use splitplane_core::error::{QueryError, check_bytes, refused};
 use splitplane_core::kernel::NearKernel;
 use splitplane_core::layout::NearBatch;
 use splitplane_core::query::closest_point::check_lengths;
@@ -29,7 +29,7 @@ const MOST_WORDS: usize = 1 << 20;
 /// What the device has said of a volume.
 #[derive(Clone, Debug, PartialEq)]
 enum Said {
-    /// All that it meets, in any order, some more than once.
+    /// All that it meets, in ascending order; any one of them where one is enough.
     Triangles(Vec<u32>),
     /// This many words would take all that it may meet.
     Longer(usize),
@@ -49,8 +49,10 @@ impl WgpuAccelerator {
         let asking = &Asking::new(options.watch, volumes.len());
         asking.check()?;
         let mut all = Overlaps::default();
-        for volumes in volumes.chunks(MANY) {
-            let (lists, unfinished) = self.lists_of(volumes, options, asking)?;
+        for volumes in volumes.chunks(many(options)) {
+            let left = options.max_memory.map(|most| most.saturating_sub(all.bytes()));
+            let within_left = OverlapOptions { max_memory: left, ..*options };
+            let (lists, unfinished) = self.lists_of(volumes, &within_left, asking)?;
             all.report.unfinished += unfinished;
             // The host answers the rest, a few at a time.
             for (volumes, lists) in volumes.chunks(FEW).zip(lists.chunks(FEW)) {
@@ -87,7 +89,8 @@ impl WgpuAccelerator {
         let asking = &Asking::new(options.watch, volumes.len());
         asking.check()?;
         let mut report = QueryReport::default();
-        for (volumes, found) in volumes.chunks(MANY).zip(found.chunks_mut(MANY)) {
+        let many = many(options);
+        for (volumes, found) in volumes.chunks(many).zip(found.chunks_mut(many)) {
             let mut said = open(volumes.len())?;
             if self.may_ask() {
                 let asked = asked(ROOM, true, options);
@@ -151,16 +154,16 @@ impl WgpuAccelerator {
             let first = asked(ROOM, false, options);
             self.ask_volumes(volumes, &first, None, options, asking, &mut said)?;
             // Then those with longer lists, in runs of lists that are about as long.
+            let most = self.most_words(options);
             let mut longer: Vec<(usize, usize)> = Vec::new();
             longer.try_reserve_exact(said.len()).map_err(|_| refused(16 * said.len() as u64))?;
             longer.extend(said.iter().enumerate().filter_map(|(place, said)| match *said {
-                Said::Longer(words) if words <= MOST_WORDS => Some((words, place)),
+                Said::Longer(words) if words <= most => Some((words, place)),
                 _ => None,
             }));
             longer.sort_unstable();
             let mut next = 0;
             while next < longer.len() {
-                let most = self.most_words(options);
                 let mut end = next + 1;
                 while end < longer.len() && (end + 1 - next) * longer[end].0 <= most {
                     end += 1;
@@ -200,6 +203,7 @@ impl WgpuAccelerator {
         let place = |number: usize| places.map_or(number, |places| places[number]);
         let rows = |range: Range<usize>| self.rows_of(range.map(|number| &volumes[place(number)]));
         let count = places.map_or(volumes.len(), <[usize]>::len);
+        let mut held = 0;
         self.ask_near(count, asked, asking, rows, |range, bytes| {
             let answers: Vec<Result<Said, QueryError>> = range
                 .clone()
@@ -208,7 +212,13 @@ impl WgpuAccelerator {
                 .map(|(number, bytes)| self.read(&volumes[place(number)], asked, bytes, options))
                 .collect();
             for (number, answer) in range.zip(answers) {
-                said[place(number)] = answer?;
+                let answer = answer?;
+                if let Said::Triangles(list) = &answer {
+                    // The answers to all volumes have no fewer.
+                    held += size_of_val(&list[..]) as u64;
+                    check_bytes(held, options.max_memory)?;
+                }
+                said[place(number)] = answer;
             }
             Ok(())
         })
@@ -277,8 +287,16 @@ impl WgpuAccelerator {
                 }
             }
         }
+        found.sort_unstable();
+        found.dedup();
+        found.shrink_to_fit();
         Ok(if is_longer { Said::Open } else { Said::Triangles(found) })
     }
+}
+
+/// How many volumes are asked about together: what is sent and read back of each is 256 bytes, twice.
+fn many(options: &OverlapOptions<'_>) -> usize {
+    options.max_memory.map_or(MANY, |most| (most / 512).clamp(1, MANY as u64) as usize)
 }
 
 fn asked(room: u32, any: bool, options: &OverlapOptions<'_>) -> Asked {
