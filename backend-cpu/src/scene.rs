@@ -6,11 +6,13 @@ use rayon::prelude::*;
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::backend::scene::{
     Block, BlockScratch, BuildGeometry, BuiltScene, SceneAccelerator, SceneAllHits,
-    SceneAllHitsOptions, SceneAnswer, SceneClosestPoint, SceneClosestPointOptions, UpdateReport,
+    SceneAllHitsOptions, SceneAnswer, SceneClosestPoint, SceneClosestPointOptions,
+    SceneOverlapOptions, SceneOverlaps, UpdateReport,
 };
 use splitplane_core::error::{QueryError, refused};
 use splitplane_core::query::closest_point::check_lengths;
 use splitplane_core::query::inside::{LocateOptions, Located};
+use splitplane_core::query::overlap::Volume;
 use splitplane_core::ray::{Accuracy, Ray};
 use splitplane_core::report::QueryReport;
 use splitplane_core::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport};
@@ -21,6 +23,7 @@ use crate::near::in_order::{Parts, answer_in_order};
 use crate::simd::InstructionSet;
 
 mod counting;
+mod overlaps;
 mod parts;
 mod seen;
 mod single;
@@ -258,6 +261,23 @@ impl SceneAccelerator for CpuScene {
         })?;
         meter.finish_stage();
         meter.check_batch().map(|()| QueryReport::default())
+    }
+
+    fn overlaps(
+        &self,
+        volumes: &[Volume<'_>],
+        options: &SceneOverlapOptions<'_>,
+    ) -> Result<SceneOverlaps, QueryError> {
+        self.find_overlaps(volumes, options)
+    }
+
+    fn overlaps_any(
+        &self,
+        volumes: &[Volume<'_>],
+        found: &mut [bool],
+        options: &SceneOverlapOptions<'_>,
+    ) -> Result<(), QueryError> {
+        self.find_any_overlaps(volumes, found, options)
     }
 }
 

@@ -289,7 +289,11 @@ fn scenes_have_the_overlaps_of_their_triangles_in_the_world() {
     let planes = plane_sets(1.0);
     let volumes = volumes(&triangles, 1.0, &planes);
     let options = SceneOverlapOptions::default();
-    let found = built.scene().overlaps(&volumes, &options).unwrap();
+    // On all threads, and on the calling one.
+    let found = built.overlaps(&volumes, &options).unwrap();
+    assert_eq!(found, built.scene().overlaps(&volumes, &options).unwrap());
+    let mut any = vec![false; volumes.len()];
+    built.overlaps_any(&volumes, &mut any, &options).unwrap();
     let mut some = 0;
     for (number, volume) in volumes.iter().enumerate() {
         let mut expected = Vec::new();
@@ -302,12 +306,25 @@ fn scenes_have_the_overlaps_of_their_triangles_in_the_world() {
         }
         assert_eq!(found.of(number), expected, "{volume:?}");
         assert_eq!(built.scene().overlaps_any(volume, &options), Ok(!expected.is_empty()));
+        assert_eq!(any[number], !expected.is_empty(), "{volume:?}");
         some += expected.len();
     }
     assert!(some > 500, "{some}");
     let masked = SceneOverlapOptions { mask: 2, ..options };
     assert!(built.scene().overlaps(&volumes, &masked).unwrap().triangles.is_empty());
     let limited = SceneOverlapOptions { max_memory: Some(64), ..options };
-    let error = built.scene().overlaps(&volumes, &limited);
-    assert!(matches!(error, Err(QueryError::OutOfMemory { .. })));
+    for error in [built.overlaps(&volumes, &limited), built.scene().overlaps(&volumes, &limited)] {
+        assert!(matches!(error, Err(QueryError::OutOfMemory { .. })));
+    }
+    let ends = |progress: &Progress| match progress.done {
+        0 => ControlFlow::Continue(()),
+        _ => ControlFlow::Break(()),
+    };
+    let watched = SceneOverlapOptions { watch: Some(&ends), ..options };
+    let ended = built.overlaps(&volumes, &watched);
+    assert!(matches!(ended, Err(QueryError::Cancelled { .. })), "{ended:?}");
+    let ended = built.overlaps_any(&volumes, &mut any, &watched);
+    assert!(matches!(ended, Err(QueryError::Cancelled { .. })), "{ended:?}");
+    let short = built.overlaps_any(&volumes, &mut any[1..], &options);
+    assert!(matches!(short, Err(QueryError::LengthMismatch { .. })), "{short:?}");
 }

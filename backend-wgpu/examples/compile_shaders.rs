@@ -15,7 +15,7 @@ use std::process::{Command, ExitCode, Stdio};
 use std::time::Duration;
 
 use splitplane_shaders::{
-    CHECKS, COMPRESS, KERNELS, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_RETRIES,
+    CHECKS, COMPRESS, KERNELS, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_RETRIES,
     RENDER_SETTLES, find,
 };
 use splitplane_wgpu::{Gpu, OpenOptions};
@@ -87,6 +87,7 @@ fn all(adapter: &str, key: &str, rest: &[String]) -> Result<bool, Box<dyn Error>
         QUERIES,
         POINT_BUILD,
         POINTS,
+        NEAR,
         RENDER,
         RENDER_RETRIES,
         RENDER_SETTLES,

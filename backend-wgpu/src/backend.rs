@@ -96,6 +96,14 @@ impl WgpuBackend {
         backend
     }
 
+    /// A backend that takes this to be what the self-test found: for tests of devices that are not there.
+    #[doc(hidden)]
+    pub fn with_parity(gpu: Gpu, parity: Parity) -> WgpuBackend {
+        let backend = WgpuBackend::without_selftest(gpu);
+        backend.queries().set_parity(&parity);
+        WgpuBackend { parity: Some(parity), ..backend }
+    }
+
     /// The same for a kernel of queries.
     #[doc(hidden)]
     pub fn with_replaced_query(gpu: Gpu, kernel: QueryKernel, source: String) -> WgpuBackend {
@@ -137,12 +145,16 @@ impl WgpuBackend {
     /// A tree of points that the device builds, and that answers there: see [`WgpuPointTree`].
     ///
     /// # Errors
-    /// See [`PointBuildError`].
+    /// See [`PointBuildError`]; [`PointBuildError::NotBitwise`] on a device whose parity is only structural: the order of points follows
+    /// from its arithmetic, and nothing else holds what it builds to be a tree.
     pub fn points<const N: usize>(
         &self,
         points: &[[f32; N]],
         options: &PointOptions<'_>,
     ) -> Result<WgpuPointTree<N>, PointBuildError> {
+        if let Some(Parity::Structural(difference)) = &self.parity {
+            return Err(PointBuildError::NotBitwise { difference: difference.to_string() });
+        }
         WgpuPointTree::build(Arc::clone(&self.shared.queries), points, options)
     }
 

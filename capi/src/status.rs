@@ -145,6 +145,7 @@ failures! {
     PointBuildError: |error| match error {
         PointBuildError::OutOfMemory { .. } => Status::OutOfMemory,
         PointBuildError::Cancelled { .. } => Status::Cancelled,
+        PointBuildError::Device(_) | PointBuildError::NotBitwise { .. } => Status::Device,
         _ => Status::Count,
     };
 }

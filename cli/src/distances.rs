@@ -46,6 +46,14 @@ pub(super) struct Arguments {
     pub(super) common: Common,
 }
 
+/// How many points are inside, beyond the limit, and answered by the CPU in a device's place.
+#[derive(Default)]
+struct Filled {
+    inside: usize,
+    beyond: usize,
+    answered_by_cpu: u64,
+}
+
 /// Where the points of a grid are.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 struct Grid {
@@ -64,6 +72,8 @@ struct DistancesReport {
     answer_ms: f64,
     inside: usize,
     beyond: usize,
+    /// Distances and locations that the CPU found in place of the backend's device.
+    answered_by_cpu: u64,
     digest: String,
     output: String,
 }
@@ -126,7 +136,8 @@ impl Arguments {
         let refused = |_| QueryError::OutOfMemory { needed, limit: needed };
         bytes.try_reserve_exact(4 * grid.points()).map_err(refused)?;
         let start = Instant::now();
-        let [inside, beyond] = self.fill(&grid, &*prepared.accelerator, &mut bytes)?;
+        let Filled { inside, beyond, answered_by_cpu } =
+            self.fill(&grid, &*prepared.accelerator, &mut bytes)?;
         let answer_ms = milliseconds(start);
         files::write(&self.out, &bytes)?;
         let report = DistancesReport {
@@ -137,6 +148,7 @@ impl Arguments {
             answer_ms,
             inside,
             beyond,
+            answered_by_cpu,
             digest: prepared.accelerator.tree().digest().to_string(),
             output: self.out.display().to_string(),
         };
@@ -148,9 +160,13 @@ impl Arguments {
         }
         let ([nx, ny, nz], [x, y, z]) = (grid.shape, grid.origin);
         let inside = if self.signed { format!(", {inside} inside") } else { String::new() };
+        let by_cpu = match answered_by_cpu {
+            0 => String::new(),
+            some => format!(", {some} answers by the CPU in the device's place"),
+        };
         output::data(&format!(
             "{}grid     {nx} x {ny} x {nz} from {x} {y} {z} by {}\n\
-             measured {} in {answer_ms:.2} ms{inside}, {beyond} beyond the limit\nwritten  {}\n",
+             measured {} in {answer_ms:.2} ms{inside}, {beyond} beyond the limit{by_cpu}\nwritten  {}\n",
             prepared.built().describe(),
             grid.step,
             counted(grid.points() as u64, "point"),
@@ -158,15 +174,15 @@ impl Arguments {
         ))
     }
 
-    /// Appends all distances; gives how many points are inside, and beyond the limit.
+    /// Appends all distances.
     fn fill(
         &self,
         grid: &Grid,
         accelerator: &dyn Accelerator,
         bytes: &mut Vec<u8>,
-    ) -> Result<[usize; 2], Failure> {
+    ) -> Result<Filled, Failure> {
         let total = grid.points();
-        let (mut inside, mut beyond) = (0, 0);
+        let mut filled = Filled::default();
         let watch: Option<&dyn Watch> = Some(&progress::Unseen);
         let options = ClosestPointOptions {
             max_distance: self.max_distance.unwrap_or(f32::INFINITY),
@@ -181,24 +197,26 @@ impl Arguments {
             points.clear();
             points.extend((first..total.min(first + SLICE)).map(|number| grid.point(number)));
             let closest = &mut closest[..points.len()];
-            accelerator.closest_points(&points, closest, &options)?;
+            let report = accelerator.closest_points(&points, closest, &options)?;
+            filled.answered_by_cpu += report.answered_by_cpu;
             let located = match self.signed {
                 true => Some(accelerator.locate(&points, &locate)?),
                 false => None,
             };
+            filled.answered_by_cpu += located.as_ref().map_or(0, |own| own.report.answered_by_cpu);
             for (place, own) in closest.iter().enumerate() {
                 let is_inside = located.as_ref().is_some_and(|located| {
                     located.location(place, Rule::NonZero) == Location::Inside
                 });
-                inside += usize::from(is_inside);
-                beyond += usize::from(!own.is_some());
+                filled.inside += usize::from(is_inside);
+                filled.beyond += usize::from(!own.is_some());
                 let distance = if is_inside { -own.distance() } else { own.distance() };
                 bytes.extend(distance.to_le_bytes());
             }
             bar.inc(points.len() as u64);
         }
         bar.finish_and_clear();
-        Ok([inside, beyond])
+        Ok(filled)
     }
 }
 

@@ -169,6 +169,7 @@ impl From<PointBuildError> for Failure {
         let code = match &error {
             PointBuildError::Cancelled { .. } => CANCELLED,
             PointBuildError::TooManyPoints { .. } | PointBuildError::OutOfMemory { .. } => LIMIT,
+            PointBuildError::NotBitwise { .. } => DEVICE,
             _ => BUG,
         };
         Failure { message: error.to_string(), code }

@@ -5,13 +5,14 @@
 //! names of files, what a device binds and in which order, what may change between two dispatches.
 //! Tests hold the shaders to it.
 //!
-//! [`TreeBuilder`], [`NodeCompressor`], [`RayQueries`], [`PointBuilder`], [`PointQueries`] and [`DeviceChecks`] are declared here; the renderer declares a set of
+//! [`TreeBuilder`], [`NodeCompressor`], [`RayQueries`], [`PointBuilder`], [`PointQueries`], [`NearQueries`] and [`DeviceChecks`] are declared here; the renderer declares a set of
 //! its own.
 
 mod builder;
 mod checks;
 mod compress;
 mod macros;
+mod near;
 mod point_builder;
 mod points;
 mod queries;
@@ -25,6 +26,7 @@ pub use checks::{CheckBuffer, CheckCounter, CheckKernel, CheckUniform, DeviceChe
 pub use compress::{
     CompressBuffer, CompressCounter, CompressKernel, CompressUniform, NodeCompressor,
 };
+pub use near::{NearBuffer, NearCounter, NearKernel, NearQueries, NearUniform};
 pub use point_builder::{PointBuffer, PointBuildUniform, PointBuilder, PointCounter, PointKernel};
 pub use points::{
     PointQueries, PointQueryBuffer, PointQueryCounter, PointQueryKernel, PointQueryUniform,

@@ -2,6 +2,7 @@
 //! multiple of 16 bytes where a record holds vectors, so that WGSL lays them out alike.
 
 mod compress;
+mod near;
 mod points;
 mod queries;
 
@@ -10,6 +11,7 @@ use crate::config::MAX_BINS;
 use bytemuck::{Pod, Zeroable};
 
 pub use compress::{Compress, CompressCounters, Part};
+pub use near::NearBatch;
 pub use points::{
     POINT_CHUNK, PointBatch, PointBuild, PointCounters, PointExtent, PointRecord, PointSplit,
     SMALL_HEIGHT,

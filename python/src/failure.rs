@@ -126,6 +126,7 @@ impl From<PointBuildError> for Failure {
             PointBuildError::Dimensions { .. } => "ShapeError",
             PointBuildError::OutOfMemory { .. } => "OutOfMemoryError",
             PointBuildError::Cancelled { .. } => "CancelledError",
+            PointBuildError::Device(_) | PointBuildError::NotBitwise { .. } => "DeviceError",
             _ => "BuildError",
         };
         Failure::new(class, error.to_string())

@@ -18,7 +18,7 @@ pub use embed::{
 pub use query::query;
 pub use render::{RenderFeatures, has_tail, render_parts, render_retry, render_settle};
 pub use table::{
-    CHECKS, COMPRESS, KERNELS, LIBRARY, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_RETRIES,
+    CHECKS, COMPRESS, KERNELS, LIBRARY, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_RETRIES,
     RENDER_SETTLES,
 };
 
@@ -70,6 +70,7 @@ pub fn find(name: &str) -> Option<&'static Shader> {
         QUERIES,
         POINT_BUILD,
         POINTS,
+        NEAR,
         RENDER,
         RENDER_RETRIES,
         RENDER_SETTLES,

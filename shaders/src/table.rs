@@ -83,6 +83,10 @@ library! {
     QUERY "query"
     LIST "list"
     COUNT_LIST "count_list"
+    NEAR_LAYOUT "near_layout"
+    NEAR_TRIANGLE "near_triangle"
+    NEAR_WALK "near_walk"
+    NEAR_VOLUME "near_volume"
     COMPRESS_LAYOUT "compress_layout"
     COMPRESSED_BINDINGS "compressed_bindings"
     COMPRESSED_WALK "compressed_walk"
@@ -350,6 +354,14 @@ shaders! {
         "nearest_points_many": ARITHMETIC POINT_WALK POINT_HEAP POINT_HEAP_LONG;
         "count_within": ARITHMETIC POINT_WALK;
         "list_within": ARITHMETIC POINT_WALK;
+    }
+}
+
+shaders! {
+    /// The queries for what is near, in the order of the table of their set.
+    NEAR "near" {
+        "closest_triangles": ARITHMETIC AABB VECTOR MESH NEAR_LAYOUT NEAR_TRIANGLE NEAR_WALK;
+        "overlapped_triangles": ARITHMETIC AABB VECTOR MESH NEAR_LAYOUT NEAR_TRIANGLE NEAR_VOLUME;
     }
 }
 

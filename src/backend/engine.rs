@@ -31,7 +31,8 @@ impl Engine {
     /// A tree of points, built by the backend, which answers batches of queries. Bytes and answers are the same on every backend.
     ///
     /// # Errors
-    /// See [`PointBuildError`]; a GPU has limits of its own, and may fail.
+    /// See [`PointBuildError`]; a GPU has limits of its own, may fail, and one that is not bitwise equal to the CPU refuses with
+    /// [`PointBuildError::NotBitwise`]. Backend `auto` takes no such GPU.
     #[cfg(any(feature = "cpu", feature = "wgpu"))]
     pub fn points<const N: usize>(
         &self,

@@ -73,6 +73,8 @@ pub struct Queries {
     /// Whether bounds of error hold on the device.
     certain: AtomicBool,
     pub(super) slice_rays: SliceRays,
+    /// Of queries for what is near.
+    pub(super) near_slices: SliceRays,
     /// For rays on the device: the list that commands of hosts share.
     pub(super) deferred: Mutex<Option<wgpu::Buffer>>,
 }
@@ -93,6 +95,7 @@ impl Queries {
             staging: StagingPool::default(),
             certain: AtomicBool::new(false),
             slice_rays: SliceRays::default(),
+            near_slices: SliceRays::default(),
             deferred: Mutex::default(),
         }
     }

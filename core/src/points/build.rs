@@ -7,6 +7,7 @@ use crate::points::tree::{
     Axes, BLOCK, PointNode, PointReport, PointTree, Record, from_ordered, height,
 };
 use crate::watch::Watch;
+use alloc::string::String;
 use alloc::vec::Vec;
 use thiserror::Error;
 
@@ -55,6 +56,15 @@ pub enum PointBuildError {
         done: u64,
         /// Points of the tree.
         total: u64,
+    },
+    /// A device does not compute as the CPU does, so its tree and answers would be others.
+    #[error(
+        "the device is not bitwise equal to the CPU ({difference}), so its trees of points would be others; build \
+         them on the CPU"
+    )]
+    NotBitwise {
+        /// The first difference that the device's self-test found.
+        difference: String,
     },
     /// A device failed, or cannot do what was asked.
     #[error(transparent)]

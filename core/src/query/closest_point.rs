@@ -160,6 +160,12 @@ impl Search {
         better
     }
 
+    /// The given point, snapped.
+    pub fn point(&self) -> [f32; 3] {
+        // They were floats of 32 bits.
+        self.point.map(|x| x as f32)
+    }
+
     /// The closest point so far.
     pub fn best(&self) -> ClosestPoint {
         self.best

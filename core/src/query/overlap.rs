@@ -226,6 +226,11 @@ impl Region {
         Ok(Some(Region { volume, bounds }))
     }
 
+    /// Lower and upper corner of a box around the volume; infinite where it has no end, or where its sides are not known.
+    pub fn bounds(&self) -> [[f64; 3]; 2] {
+        self.bounds
+    }
+
     /// False where the volume certainly has no point in a box, whose sides are finite.
     pub fn may_meet(&self, cell: &Aabb) -> bool {
         self.may_meet_box([cell.lo, cell.hi].map(|side| side.map(f64::from)))

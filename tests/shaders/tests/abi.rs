@@ -23,13 +23,13 @@ use std::collections::BTreeSet;
 
 use splitplane_core::build::reference::kernels::is_of_middle_stage;
 use splitplane_core::kernel::{
-    Counter, DeviceChecks, Kernel, NodeCompressor, PointBuilder, PointQueries, QueryKernel,
-    RayQueries, TreeBuilder,
+    Counter, DeviceChecks, Kernel, NearQueries, NodeCompressor, PointBuilder, PointQueries,
+    QueryKernel, RayQueries, TreeBuilder,
 };
 use splitplane_core::layout::Counters;
 use splitplane_render::RayTracer;
 use splitplane_shaders::{
-    CHECKS, COMPRESS, KERNELS, LIBRARY, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_RETRIES,
+    CHECKS, COMPRESS, KERNELS, LIBRARY, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_RETRIES,
     RENDER_SETTLES, Shader, TriangleTest, continue_lists, join, parts_by_halves, query,
 };
 
@@ -114,6 +114,11 @@ fn the_queries_to_points_agree_with_their_table() {
 }
 
 #[test]
+fn the_queries_for_what_is_near_agree_with_their_table() {
+    assert_agrees::<NearQueries>();
+}
+
+#[test]
 fn the_queries_agree_with_their_table() {
     assert_agrees::<RayQueries>();
 }
@@ -131,7 +136,7 @@ fn lists_go_on_in_second_bindings() {
         .collect();
     // Scenes of many objects that need halves are answered through their geometries' own trees.
     let whole = |name: &str| middle.contains(&name) || name.starts_with("trace_instances");
-    let shaders = KERNELS.iter().chain(COMPRESS).chain(QUERIES);
+    let shaders = KERNELS.iter().chain(COMPRESS).chain(QUERIES).chain(NEAR);
     for shader in shaders.filter(|shader| !whole(shader.name)) {
         let source = join(&parts_by_halves(shader));
         let lists: &[&str] = match shader.name {
@@ -229,6 +234,7 @@ fn every_kernel_says_what_it_does() {
         QUERIES,
         POINT_BUILD,
         POINTS,
+        NEAR,
         RENDER,
         RENDER_RETRIES,
         RENDER_SETTLES,

@@ -33,8 +33,8 @@ use splitplane_core::kernel::{
 };
 use splitplane_render::RayTracer;
 use splitplane_shaders::{
-    CHECKS, COMPRESS, KERNELS, LIBRARY, POINT_BUILD, POINTS, Part, QUERIES, RENDER, RENDER_RETRIES,
-    RENDER_SETTLES, RenderFeatures, Shader, TriangleTest, render_parts,
+    CHECKS, COMPRESS, KERNELS, LIBRARY, NEAR, POINT_BUILD, POINTS, Part, QUERIES, RENDER,
+    RENDER_RETRIES, RENDER_SETTLES, RenderFeatures, Shader, TriangleTest, render_parts,
 };
 
 use rules::{Finding, Rule};
@@ -79,7 +79,7 @@ fn linted() -> impl Iterator<Item = (&'static Shader, Free)> {
     let kernels = KERNELS.iter().map(|shader| (shader, free_in::<TreeBuilder>(shader)));
     // These read nodes, but what they compute is the same everywhere.
     let compress = COMPRESS.iter().map(|shader| (shader, Free::Forbidden));
-    let points = POINT_BUILD.iter().chain(POINTS);
+    let points = POINT_BUILD.iter().chain(POINTS).chain(NEAR);
     let points = points.map(|shader| (shader, Free::Forbidden));
     let queries = QUERIES.iter().map(|shader| (shader, free_in::<RayQueries>(shader)));
     let render = RENDER.iter().map(|shader| (shader, free_in::<RayTracer>(shader)));

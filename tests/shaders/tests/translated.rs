@@ -12,7 +12,7 @@ use std::path::Path;
 
 use naga::back::{hlsl, msl, spv};
 use splitplane_shaders::{
-    CHECKS, COMPRESS, KERNELS, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_RETRIES,
+    CHECKS, COMPRESS, KERNELS, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_RETRIES,
     RENDER_SETTLES, Shader,
 };
 
@@ -29,6 +29,7 @@ fn shaders() -> impl Iterator<Item = &'static Shader> {
         QUERIES,
         POINT_BUILD,
         POINTS,
+        NEAR,
         RENDER,
         RENDER_RETRIES,
         RENDER_SETTLES,

@@ -5,6 +5,7 @@
 //! rays are done. What is on the device is the scene as [`packed`](splitplane_core::backend::scene::packed) has it.
 
 mod held;
+mod near;
 mod scene;
 mod waves;
 

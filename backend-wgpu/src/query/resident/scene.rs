@@ -5,14 +5,18 @@ use std::sync::Arc;
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::backend::scene::packed::PackedSizes;
 use splitplane_core::backend::scene::{
-    Becoming, BuildGeometry, BuiltScene, SceneAccelerator, SceneAnswer, UpdateReport,
+    Becoming, BuildGeometry, BuiltScene, SceneAccelerator, SceneAnswer, SceneClosestPoint,
+    SceneClosestPointOptions, SceneOverlapOptions, SceneOverlaps, UpdateReport,
 };
 use splitplane_core::error::{BuildError, DeviceError, QueryError};
+use splitplane_core::query::overlap::Volume;
 use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Accuracy, Ray};
+use splitplane_core::report::QueryReport;
 use splitplane_core::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport};
 
 use super::held::{Buffers, HeldScene, exceeded, grown, reserve};
+use super::near;
 use super::waves::{WaveMemory, Waves};
 use crate::error::GpuError;
 use crate::query::error::DeviceQueryError;
@@ -222,5 +226,31 @@ impl SceneAccelerator for WgpuScene {
         options: &SceneOptions<'_>,
     ) -> Result<SceneReport, QueryError> {
         self.answer(rays, occluded, options, SceneHit::is_hit)
+    }
+
+    fn closest_points(
+        &self,
+        points: &[[f32; 3]],
+        closest: &mut [SceneClosestPoint],
+        options: &SceneClosestPointOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        near::closest_points(&self.built, points, closest, options)
+    }
+
+    fn overlaps(
+        &self,
+        volumes: &[Volume<'_>],
+        options: &SceneOverlapOptions<'_>,
+    ) -> Result<SceneOverlaps, QueryError> {
+        near::overlaps(&self.built, volumes, options)
+    }
+
+    fn overlaps_any(
+        &self,
+        volumes: &[Volume<'_>],
+        found: &mut [bool],
+        options: &SceneOverlapOptions<'_>,
+    ) -> Result<(), QueryError> {
+        near::overlaps_any(&self.built, volumes, found, options)
     }
 }

@@ -5,10 +5,14 @@ use alloc::boxed::Box;
 use super::all_hits::{SceneAllHits, SceneAllHitsOptions};
 use super::built::{BuildGeometry, BuiltScene};
 use super::closest_point::{SceneClosestPoint, SceneClosestPointOptions};
+use super::overlap::{SceneOverlapOptions, SceneOverlaps};
 use super::update::UpdateReport;
 use crate::backend::BuildOptions;
+use crate::cancel::go_on_tracing;
 use crate::error::QueryError;
+use crate::query::closest_point::check_lengths;
 use crate::query::inside::{LocateOptions, Located};
+use crate::query::overlap::Volume;
 use crate::ray::Ray;
 use crate::report::QueryReport;
 use crate::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport};
@@ -112,6 +116,38 @@ pub trait SceneAccelerator: Send + Sync {
     ) -> Result<QueryReport, QueryError> {
         self.scene().closest_points(points, closest, options)
     }
+
+    /// The triangles that each volume meets in the world, exactly: see [`BuiltScene::overlaps`]. Order and answers do not depend on
+    /// the number of threads.
+    ///
+    /// # Errors
+    /// As there.
+    fn overlaps(
+        &self,
+        volumes: &[Volume<'_>],
+        options: &SceneOverlapOptions<'_>,
+    ) -> Result<SceneOverlaps, QueryError> {
+        self.scene().overlaps(volumes, options)
+    }
+
+    /// For every volume, whether it meets any triangle in the world. After an error `found` must not be used.
+    ///
+    /// # Errors
+    /// As for [`SceneAccelerator::overlaps`], and `volumes` and `found` of different length.
+    fn overlaps_any(
+        &self,
+        volumes: &[Volume<'_>],
+        found: &mut [bool],
+        options: &SceneOverlapOptions<'_>,
+    ) -> Result<(), QueryError> {
+        check_lengths(volumes.len(), found.len())?;
+        let total = volumes.len() as u64;
+        for (done, (volume, found)) in volumes.iter().zip(found).enumerate() {
+            go_on_tracing(options.watch, done as u64, total)?;
+            *found = self.scene().overlaps_any(volume, options)?;
+        }
+        go_on_tracing(options.watch, total, total)
+    }
 }
 
 /// A scene in a box, which need not be known by its own type.
@@ -183,6 +219,23 @@ impl SceneAccelerator for Box<dyn SceneAccelerator> {
     ) -> Result<QueryReport, QueryError> {
         (**self).closest_points(points, closest, options)
     }
+
+    fn overlaps(
+        &self,
+        volumes: &[Volume<'_>],
+        options: &SceneOverlapOptions<'_>,
+    ) -> Result<SceneOverlaps, QueryError> {
+        (**self).overlaps(volumes, options)
+    }
+
+    fn overlaps_any(
+        &self,
+        volumes: &[Volume<'_>],
+        found: &mut [bool],
+        options: &SceneOverlapOptions<'_>,
+    ) -> Result<(), QueryError> {
+        (**self).overlaps_any(volumes, found, options)
+    }
 }
 
 #[cfg(test)]
@@ -192,7 +245,7 @@ mod tests {
 
     use super::*;
 
-    const NAMES: [&str; 10] = [
+    const NAMES: [&str; 12] = [
         "scene",
         "placed_by_cpu",
         "update_by",
@@ -203,6 +256,8 @@ mod tests {
         "all_hits",
         "locate",
         "closest_points",
+        "overlaps",
+        "overlaps_any",
     ];
 
     /// Writes down which of its methods was called.
@@ -284,6 +339,23 @@ mod tests {
         ) -> Result<QueryReport, QueryError> {
             self.note("closest_points", Ok(QueryReport::default()))
         }
+
+        fn overlaps(
+            &self,
+            _: &[Volume<'_>],
+            _: &SceneOverlapOptions<'_>,
+        ) -> Result<SceneOverlaps, QueryError> {
+            self.note("overlaps", Ok(SceneOverlaps::default()))
+        }
+
+        fn overlaps_any(
+            &self,
+            _: &[Volume<'_>],
+            _: &mut [bool],
+            _: &SceneOverlapOptions<'_>,
+        ) -> Result<(), QueryError> {
+            self.note("overlaps_any", Ok(()))
+        }
     }
 
     /// A box hands every call on: a default in its place would pass over what a backend has of its own.
@@ -316,5 +388,10 @@ mod tests {
         let options = SceneClosestPointOptions::default();
         let _ = SceneAccelerator::closest_points(&boxed, &[], &mut [], &options);
         assert_eq!(called(), "closest_points");
+        let options = SceneOverlapOptions::default();
+        let _ = SceneAccelerator::overlaps(&boxed, &[], &options);
+        assert_eq!(called(), "overlaps");
+        let _ = SceneAccelerator::overlaps_any(&boxed, &[], &mut [], &options);
+        assert_eq!(called(), "overlaps_any");
     }
 }

@@ -57,10 +57,41 @@ pub struct SceneOverlaps {
     pub triangles: Vec<SceneTriangle>,
 }
 
+impl Default for SceneOverlaps {
+    fn default() -> SceneOverlaps {
+        SceneOverlaps { starts: Vec::from([0]), triangles: Vec::new() }
+    }
+}
+
 impl SceneOverlaps {
     /// The triangles that a volume of the batch meets, in ascending order.
     pub fn of(&self, volume: usize) -> &[SceneTriangle] {
         &self.triangles[self.starts[volume]..self.starts[volume + 1]]
+    }
+
+    /// Bytes that both lists hold, spare capacity included.
+    pub fn bytes(&self) -> u64 {
+        let starts = self.starts.capacity() * size_of::<usize>();
+        (starts + self.triangles.capacity() * size_of::<SceneTriangle>()) as u64
+    }
+
+    /// Appends the answers to more volumes.
+    ///
+    /// # Errors
+    /// More memory than `max_memory` allows, or than the system has.
+    pub fn append(
+        &mut self,
+        more: SceneOverlaps,
+        max_memory: Option<u64>,
+    ) -> Result<(), QueryError> {
+        let needed = self.bytes() + more.bytes();
+        check_bytes(needed, max_memory)?;
+        self.starts.try_reserve(more.starts.len()).map_err(|_| refused(needed))?;
+        self.triangles.try_reserve(more.triangles.len()).map_err(|_| refused(needed))?;
+        let first = self.triangles.len();
+        self.starts.extend(more.starts.iter().skip(1).map(|start| first + start));
+        self.triangles.extend(more.triangles);
+        Ok(())
     }
 }
 
@@ -77,6 +108,7 @@ fn widened([mut lo, mut hi]: [[f64; 3]; 2]) -> [[f64; 3]; 2] {
 
 impl BuiltScene {
     /// The triangles that each volume meets in the world, exactly: one volume after the other, on the calling thread.
+    /// [`SceneAccelerator::overlaps`](super::SceneAccelerator::overlaps) takes all threads where the backend has some.
     ///
     /// # Errors
     /// More memory than the options allow or than the system has, a watch that cancels the batch, and
@@ -87,7 +119,7 @@ impl BuiltScene {
         options: &SceneOverlapOptions<'_>,
     ) -> Result<SceneOverlaps, QueryError> {
         let total = volumes.len() as u64;
-        let mut all = SceneOverlaps { starts: Vec::from([0]), triangles: Vec::new() };
+        let mut all = SceneOverlaps::default();
         let mut found: Vec<SceneTriangle> = Vec::new();
         for (done, volume) in volumes.iter().enumerate() {
             go_on_tracing(options.watch, done as u64, total)?;

@@ -10,6 +10,7 @@ use std::path::Path;
 
 use naga::ir::{Expression, Literal, ShaderStage};
 use splitplane_core::config::MAX_DEPTH;
+use splitplane_core::layout::NearBatch;
 
 use crate::source::{Parsed, Text};
 
@@ -53,6 +54,13 @@ const DEVICE_ONLY: &[(&str, Only, &str)] = &[
         "2^126: beyond, no two are added, lest they overflow",
     ),
     ("STACK_ENTRIES", word(MAX_DEPTH + 1), "written out in the core"),
+    ("NEAR_BATCH_OVERFULL", word(NearBatch::OVERFULL), "a difference in the core"),
+    ("NEAR_BATCH_MET", word(NearBatch::MET), "a difference in the core"),
+    ("WALKED", word(0), "what is no mark"),
+    ("SQUARE_SLACK", Only::Any, "bounds of distances are a device's"),
+    ("LEAST_SQUARE", Only::Any, "bounds of distances are a device's"),
+    ("LEAST_DIVISOR", Only::Any, "bounds of distances are a device's"),
+    ("NEAR_ENTRIES", Only::Any, "an array's length"),
     ("LANES", Only::Lanes, "the core has no workgroups"),
     ("BOXES", Only::Any, "the core has no workgroups"),
     ("NO_PARENT", word(u32::MAX), "an `Option` on the CPU"),

@@ -13,9 +13,9 @@ use naga::ir::{AddressSpace, ArraySize, ScalarKind, Type, TypeInner};
 use splitplane_core::aabb::Aabb;
 use splitplane_core::layout::{
     BatchUniform, CheckParameters, Chunk, ChunkBins, ChunkBounds, ChunkSides, Compress, Counters,
-    Decision, Extent, LargeNode, MiddleRoot, Parameters, Part, PointBatch, PointBuild, PointExtent,
-    PointRecord, PointSplit, Reference, SceneBatch, SceneUniform, Sides, SmallRoot, TopNode,
-    TriangleCount,
+    Decision, Extent, LargeNode, MiddleRoot, NearBatch, Parameters, Part, PointBatch, PointBuild,
+    PointExtent, PointRecord, PointSplit, Reference, SceneBatch, SceneUniform, Sides, SmallRoot,
+    TopNode, TriangleCount,
 };
 use splitplane_core::ray::{Hit, Ray};
 use splitplane_core::tree::node::KdNode;
@@ -116,6 +116,11 @@ pub(crate) fn of_points() -> Vec<Record> {
         record!(PointSplit { axis bits rank known }),
         record!(PointExtent { lower upper }),
     ]
+}
+
+/// The records of queries for what is near.
+pub(crate) fn of_near() -> Vec<Record> {
+    vec![record!(NearBatch { count ignore room any lower zero upper padding })]
 }
 
 /// The records of queries and of the self-test.

@@ -1,14 +1,14 @@
 //! Kernel sets with their shaders: what one test holds all of them to.
 
 use splitplane_core::kernel::{
-    Buffer, CheckBuffer, CompressBuffer, DeviceChecks, Grid, KernelSet, NodeCompressor,
-    PointBuffer, PointBuilder, PointQueries, PointQueryBuffer, QueryBuffer, RayQueries, Slot,
-    TreeBuilder,
+    Buffer, CheckBuffer, CompressBuffer, DeviceChecks, Grid, KernelSet, NearBuffer, NearQueries,
+    NodeCompressor, PointBuffer, PointBuilder, PointQueries, PointQueryBuffer, QueryBuffer,
+    RayQueries, Slot, TreeBuilder,
 };
 use splitplane_render::RayTracer;
 use splitplane_render::kernel as render_kernel;
 use splitplane_shaders::{
-    CHECKS, COMPRESS, KERNELS, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_RETRIES,
+    CHECKS, COMPRESS, KERNELS, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_RETRIES,
     RENDER_SETTLES, Shader,
 };
 
@@ -150,6 +150,17 @@ impl Shaders for PointQueries {
 
     fn records() -> Vec<Record> {
         records::of_points()
+    }
+}
+
+impl Shaders for NearQueries {
+    const TABLE: &'static [Shader] = NEAR;
+    const FOLDER: &'static str = "near";
+    const LAYOUT: &'static str = "near_layout";
+    const SINGLES: &'static [NearBuffer] = &[];
+
+    fn records() -> Vec<Record> {
+        records::of_near()
     }
 }
 

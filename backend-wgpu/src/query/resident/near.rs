@@ -1,0 +1,93 @@
+//! What is near in a scene of many objects: the host finds it, on all threads, in the order of the questions.
+
+use rayon::prelude::*;
+use splitplane_core::backend::scene::{
+    BuiltScene, SceneClosestPoint, SceneClosestPointOptions, SceneOverlapOptions, SceneOverlaps,
+};
+use splitplane_core::error::QueryError;
+use splitplane_core::query::closest_point::check_lengths;
+use splitplane_core::query::overlap::Volume;
+use splitplane_core::report::QueryReport;
+
+use crate::query::settle::Asking;
+
+/// Points of one task.
+const POINTS: usize = 64;
+/// Volumes of one task.
+const VOLUMES: usize = 8;
+
+/// The closest point of a scene to each point.
+pub(super) fn closest_points(
+    scene: &BuiltScene,
+    points: &[[f32; 3]],
+    closest: &mut [SceneClosestPoint],
+    options: &SceneClosestPointOptions<'_>,
+) -> Result<QueryReport, QueryError> {
+    check_lengths(points.len(), closest.len())?;
+    let asking = &Asking::new(options.watch, points.len());
+    asking.check()?;
+    points.par_chunks(POINTS).zip(closest.par_chunks_mut(POINTS)).try_for_each(
+        |(points, closest)| {
+            asking.check()?;
+            for (&point, closest) in points.iter().zip(closest) {
+                *closest = scene.closest_point(point, options)?;
+            }
+            asking.advance(points.len());
+            Ok::<(), QueryError>(())
+        },
+    )?;
+    asking.check()?;
+    let mut report = QueryReport::default();
+    report.answered_by_cpu = points.len() as u64;
+    Ok(report)
+}
+
+/// The triangles that each volume meets.
+pub(super) fn overlaps(
+    scene: &BuiltScene,
+    volumes: &[Volume<'_>],
+    options: &SceneOverlapOptions<'_>,
+) -> Result<SceneOverlaps, QueryError> {
+    let asking = &Asking::new(options.watch, volumes.len());
+    asking.check()?;
+    let own = &SceneOverlapOptions { watch: None, ..*options };
+    let parts = volumes.par_chunks(VOLUMES).map(|volumes| {
+        let mut part = SceneOverlaps::default();
+        for volume in volumes.chunks(1) {
+            asking.check()?;
+            part.append(scene.overlaps(volume, own)?, options.max_memory)?;
+            asking.advance(1);
+        }
+        Ok(part)
+    });
+    let parts: Vec<Result<SceneOverlaps, QueryError>> = parts.collect();
+    let mut all = SceneOverlaps::default();
+    for part in parts {
+        all.append(part?, options.max_memory)?;
+    }
+    asking.check()?;
+    Ok(all)
+}
+
+/// Whether each volume meets any triangle.
+pub(super) fn overlaps_any(
+    scene: &BuiltScene,
+    volumes: &[Volume<'_>],
+    found: &mut [bool],
+    options: &SceneOverlapOptions<'_>,
+) -> Result<(), QueryError> {
+    check_lengths(volumes.len(), found.len())?;
+    let asking = &Asking::new(options.watch, volumes.len());
+    asking.check()?;
+    volumes.par_chunks(VOLUMES).zip(found.par_chunks_mut(VOLUMES)).try_for_each(
+        |(volumes, found)| {
+            for (volume, found) in volumes.iter().zip(found) {
+                asking.check()?;
+                *found = scene.overlaps_any(volume, options)?;
+                asking.advance(1);
+            }
+            Ok::<(), QueryError>(())
+        },
+    )?;
+    asking.check()
+}
