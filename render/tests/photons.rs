@@ -16,8 +16,8 @@ use splitplane_core::watch::{Progress, Stage, Watch};
 use splitplane_cpu::CpuBackend;
 use splitplane_render::cpu::CpuRenderer;
 use splitplane_render::{
-    Environment, FrameInput, Gather, LightTransport, MAX_BOUNCES, Material, Pinhole,
-    RenderError, RenderSettings, Room, Size,
+    Environment, FrameInput, Gather, LightTransport, MAX_BOUNCES, Material, Pinhole, RenderError,
+    RenderSettings, Room, Size,
 };
 use std::f64::consts::PI;
 use std::ops::ControlFlow;
