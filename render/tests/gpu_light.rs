@@ -304,8 +304,8 @@ fn planted_faults_are_found() {
         (
             PointQueryKernel::NearestPoints,
             &frame,
-            "is_before(greater, other)",
-            "is_before(other, greater)",
+            "snapped_product(d.z, d.z)",
+            "snapped_product(d.z, d.y)",
         ),
         (
             PointQueryKernel::NearestPointsMany,
