@@ -8,7 +8,7 @@ use super::objects_report::{AnimatedObjects, ObjectTimes};
 use super::options::Common;
 use super::percentiles::Percentiles;
 use super::prepared::{BuildReport, counted, in_pool, milliseconds, print_json};
-use super::stage::{Stage, open_for_pictures};
+use super::stage::{Stage, open_backend, shaded};
 use super::{output, progress};
 use clap::Args;
 use serde::Serialize;
@@ -187,7 +187,7 @@ impl Arguments {
         if InstancedScene::is_named_by(&self.scene) {
             return self.animate_objects(format);
         }
-        let opened = open_for_pictures(common, look)?;
+        let opened = open_backend(common)?;
         let spinner = progress::spinner(common.quiet, "reading the scene");
         let options = look.scene_options(common);
         let (mut scene, mut animation) =
@@ -202,8 +202,12 @@ impl Arguments {
             })?;
         }
         let mut stage = Stage::set(scene, opened, look, common)?;
+        let first = self.request(stage.placed.camera, &stage)?;
+        stage.choose(&first, common)?;
         let first_build = stage.built()?.report();
-        let described = stage.built()?.describe() + &stage.describe_placed();
+        let described = stage.built()?.describe()
+            + &stage.describe_placed()
+            + &shaded(stage.tracer.shading(&first.settings), &stage.info);
         let all = u32::try_from(animation.frames()).unwrap_or(u32::MAX);
         let count = self.count.or(NonZeroU32::new(all)).unwrap_or(NonZeroU32::MIN);
         let mut movie = self.open_movie(format, count)?;
@@ -373,25 +377,29 @@ impl Arguments {
         animation: &Animation,
         mut took: FrameTimes,
     ) -> Result<FrameTimes, Failure> {
-        let Stage { scene, tracer, placed, .. } = stage;
         let start = Instant::now();
-        tracer.finish_rebuild()?;
+        stage.tracer.finish_rebuild()?;
         took.build_ms += milliseconds(start);
         let start = Instant::now();
         let camera: Camera = match animation.camera(took.frame) {
             Some(camera) => self.look.camera(camera)?,
-            None => placed.camera,
+            None => stage.placed.camera,
         };
-        let request = FrameRequest {
-            camera: camera.pinhole(self.look.size),
-            size: self.look.size,
-            settings: self.look.settings(SAMPLES, placed)?,
-            outputs: Outputs::PIXELS,
-            query: self.common.query_options(),
-        };
-        tracer.submit_frame(&scene.mesh()?, &request)?;
+        let request = self.request(camera, stage)?;
+        stage.tracer.submit_frame(&stage.scene.mesh()?, &request)?;
         took.trace_ms = milliseconds(start);
         Ok(took)
+    }
+
+    /// What is asked of the tracer for a frame.
+    fn request(&self, camera: Camera, stage: &Stage) -> Result<FrameRequest<'static>, Failure> {
+        Ok(FrameRequest {
+            camera: camera.pinhole(self.look.size),
+            size: self.look.size,
+            settings: self.look.settings(SAMPLES, &stage.placed)?,
+            outputs: Outputs::PIXELS,
+            query: self.common.query_options(),
+        })
     }
 
     /// Waits for the frame that was submitted, takes its picture, and gives its times.

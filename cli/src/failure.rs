@@ -282,9 +282,10 @@ impl From<TracerError> for Failure {
                     | RenderError::Appearance(_) => LIMIT,
                     RenderError::Plan(_) => USAGE,
                     RenderError::PhotonMap(PointBuildError::Cancelled { .. }) => CANCELLED,
+                    RenderError::PhotonMap(PointBuildError::Device(error)) => of_device(error),
                     RenderError::PhotonMap(_) => LIMIT,
                     #[cfg(feature = "wgpu")]
-                    RenderError::ExactOnDevice | RenderError::EnvironmentMapOnDevice => USAGE,
+                    RenderError::ExactOnDevice => USAGE,
                     #[cfg(feature = "wgpu")]
                     RenderError::Gpu(error) => gpu_code(error),
                     _ => BUG,

@@ -70,11 +70,11 @@ pub(super) struct Look {
     /// and 1 in animations
     #[arg(long, value_name = "N")]
     samples: Option<u32>,
-    /// How light travels; all but `direct` on the CPU only
+    /// How light travels. All but `direct` the CPU shades; a GPU traces the rays
     #[arg(long, value_enum, default_value_t = Transport::Direct)]
     transport: Transport,
-    /// How often the picture is made, each time by other samples, 1 to 65536; it is the mean. More than 1 on
-    /// the CPU only
+    /// How often the picture is made, each time by other samples, 1 to 65536; it is the mean. More than 1 the
+    /// CPU shades
     #[arg(long, value_name = "N", default_value_t = RenderSettings::default().passes)]
     passes: u32,
     /// Photons that leave the lights in each pass, 64 to 16777216, and at least one of each light; 100000 when
@@ -142,7 +142,7 @@ pub(super) struct Look {
     #[arg(long, value_name = "RADIANCE")]
     headlight: Option<f32>,
     /// Light from everywhere, and the backdrop: a colour, or a picture of all directions, .hdr or .exr, whose middle is
-    /// towards -z, on the CPU only; what the scene file says, else `sky`, when left out
+    /// towards -z, which the CPU shades; what the scene file says, else `sky`, when left out
     #[arg(long, value_name = "sky|black|R,G,B|FILE", value_parser = environment)]
     environment: Option<Surroundings>,
     /// Turns the picture of --environment about y, counter-clockwise seen from above
@@ -329,15 +329,6 @@ impl Look {
             lights.push(Light::Directional { towards: sun.place, irradiance });
         }
         Ok(Some(lights))
-    }
-
-    /// Why the CPU alone makes such pictures of a mesh; `None` where a GPU does too.
-    pub(super) fn is_for_the_cpu(&self) -> Option<&'static str> {
-        let is_file = matches!(self.environment, Some(Surroundings::File(_)));
-        match self.transport != Transport::Direct || self.passes > 1 {
-            true => Some("it alone follows paths and photons and makes several passes"),
-            false => is_file.then_some("it alone has light of environment maps"),
-        }
     }
 
     /// Puts what is around into a scene: what the user says, else what is there.

@@ -3,15 +3,15 @@
 use super::failure::Failure;
 use super::look::{Look, Placed};
 use super::options::Common;
-use super::prepared::milliseconds;
+use super::prepared::{milliseconds, note_scene};
 use super::stage::open_backend;
 use super::{output, progress};
 use splitplane::backend::OpenedEngine;
 use splitplane::objects;
-use splitplane::scene::InstancedScene;
 use splitplane::scene::instanced::geometries;
+use splitplane::scene::{InstancedScene, Scene};
 use splitplane::tracer::{InstanceTracer, InstancedLook};
-use splitplane::{BackendInfo, BuildOptions};
+use splitplane::{Backend, BackendInfo, BackendKind, BuildOptions, CpuBackend, OpenOptions};
 use splitplane_scene::from_file::quoted;
 use std::ffi::OsStr;
 use std::time::Instant;
@@ -41,22 +41,58 @@ pub(super) struct Updated {
 impl ObjectStage {
     pub(super) fn set(spec: &OsStr, look: &Look, common: &Common) -> Result<ObjectStage, Failure> {
         // What is asked for and cannot be had is said before a large file is read.
-        let OpenedEngine { engine, reason } = open_backend(common)?;
+        let opened = open_backend(common)?;
         let spinner = progress::spinner(common.quiet, "reading the scene");
         let mut scene = InstancedScene::open_with(spec, &look.scene_options(common))?;
         look.surround(&mut scene.parts, common)?;
         spinner.finish_and_clear();
-        let info = engine.as_backend().describe();
         if !common.quiet {
             for sentence in scene.parts.notes.sentences() {
                 output::note(&format!("note: {}: {sentence}", quoted(&scene.name)));
             }
+        }
+        let placed = look.place_objects(&mut scene)?;
+        ObjectStage::of((scene, placed), opened, common)
+    }
+
+    /// A mesh whose materials have holes. Camera and lights are placed as for any mesh, by rays that know of no holes.
+    pub(super) fn cut_out(
+        mut scene: Scene,
+        opened: OpenedEngine,
+        look: &Look,
+        common: &Common,
+    ) -> Result<ObjectStage, Failure> {
+        note_scene(common, &scene);
+        let spinner = progress::spinner(common.quiet, "placing camera and lights");
+        let config = common.build_options()?.config;
+        let tree = CpuBackend::new().build(&scene.mesh()?, &BuildOptions::from(config))?;
+        let placed = look.place(&mut scene, &*tree)?;
+        spinner.finish_and_clear();
+        // The device of `auto` would have the CPU find what rays enter.
+        let opened = match common.backend {
+            BackendKind::Auto => {
+                let cpu = BackendKind::Cpu.open_engine(&OpenOptions::default())?;
+                let reason = "auto: the CPU, which sees holes of surfaces by itself".into();
+                OpenedEngine { reason, ..cpu }
+            }
+            _ => opened,
+        };
+        ObjectStage::of((InstancedScene::cut_out(scene)?, placed), opened, common)
+    }
+
+    /// Builds a scene whose camera and lights have their places.
+    fn of(
+        (mut scene, placed): (InstancedScene, Placed),
+        OpenedEngine { engine, reason }: OpenedEngine,
+        common: &Common,
+    ) -> Result<ObjectStage, Failure> {
+        let info = engine.as_backend().describe();
+        if !common.quiet {
             output::note(&format!("backend: {} ({reason})", info.name));
             if info.name != "cpu" {
                 output::note("note: the GPU traces rays; the CPU shades");
             }
         }
-        let placed = look.place_objects(&mut scene)?;
         scene.parts.lights.clone_from(&placed.lights);
         let options = common.build_options()?;
         let watch = progress::watch(common.quiet);

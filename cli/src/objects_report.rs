@@ -8,6 +8,7 @@ use super::options::Common;
 use super::output;
 use super::percentiles::Percentiles;
 use super::prepared::{counted, print_json};
+use super::stage::shaded;
 use serde::Serialize;
 use splitplane::render::FrameStats;
 use splitplane_scene::from_file::quoted;
@@ -70,9 +71,9 @@ impl ObjectStage {
         let shining = self.tracer.appearance().needs().emitters;
         let lights = match (built.lights, shining) {
             (0, 0) => "none but the environment".to_owned(),
-            (0, shining) => format!("{shining} triangles that shine"),
+            (0, shining) => format!("{shining} surfaces that shine"),
             (count, 0) => format!("{count}{}", if self.placed.by_rule { ", placed" } else { "" }),
-            (count, shining) => format!("{count}, and {shining} triangles that shine"),
+            (count, shining) => format!("{count}, and {shining} surfaces that shine"),
         };
         format!(
             "scene    {}: {} instances of {} geometries, {} triangles that are {} in the world{}\n\
@@ -120,6 +121,7 @@ impl ObjectStage {
                 shadow_rays: stats.shadow_rays,
                 photon_rays: stats.photon_rays,
                 placed_by_cpu: stats.placed_by_cpu,
+                shading: self.tracer.shading().to_string(),
                 trace_ms,
                 render_ms,
                 output: written.names(),
@@ -130,10 +132,11 @@ impl ObjectStage {
         }
         let tracing = trace_ms.map_or(String::new(), |ms| format!(", {ms:.1} ms of it tracing"));
         output::data(&format!(
-            "{}traced   {} rays: {} camera, mirrored and refracted, {} shadow{}{}\n\
+            "{}{}traced   {} rays: {} camera, mirrored and refracted, {} shadow{}{}\n\
              rendered in {render_ms:.1} ms{tracing} ({:.1} million rays a second)\n{}\
              written  {} ({width}x{height})\n",
             self.describe(),
+            shaded(self.tracer.shading(), &self.info),
             stats.rays(),
             stats.paths,
             stats.shadow_rays,
@@ -164,6 +167,8 @@ struct PictureReport {
     photon_rays: u64,
     /// Rays whose instances the CPU found for a device.
     placed_by_cpu: u64,
+    /// `cpu`, or `cpu, rays on gpu`.
+    shading: String,
     /// Time in queries; null where it is not measured.
     trace_ms: Option<f64>,
     render_ms: f64,

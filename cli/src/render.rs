@@ -8,7 +8,7 @@ use super::objects::ObjectStage;
 use super::options::Common;
 use super::part_settings::{self, Settings};
 use super::prepared::{BuildReport, in_pool, milliseconds, print_json};
-use super::stage::{Stage, open_for_pictures};
+use super::stage::{Stage, open_backend, shaded};
 use super::{output, part_file, progress};
 use clap::Args;
 use serde::Serialize;
@@ -70,18 +70,23 @@ impl Arguments {
             return self.render_objects();
         }
         let Arguments { look, common, .. } = self;
-        let opened = open_for_pictures(common, look)?;
+        let opened = open_backend(common)?;
         let spinner = progress::spinner(common.quiet, "reading the scene");
         let mut scene = Scene::open_with(&self.scene, &self.scene_options())?;
         look.surround(&mut scene, common)?;
         spinner.finish_and_clear();
+        if !scene.cutouts.is_empty() {
+            return self.render_stage(ObjectStage::cut_out(scene, opened, look, common)?);
+        }
         let mut stage = Stage::set(scene, opened, look, common)?;
         let path = self.path(&stage.scene.name);
         let shines = shines(stage.tracer.appearance());
         let request = self.request(&stage.placed, shines, &path)?;
+        stage.choose(&request, common)?;
+        let shading = stage.tracer.shading(&request.settings);
         if self.explain {
             let plan = stage.tracer.plan(&request)?;
-            return output::data(&plan.explain());
+            return output::data(&(shaded(shading, &stage.info) + &plan.explain()));
         }
         let of_part = |_| part_settings::of_mesh(&stage, &request);
         let settings = self.part.map(of_part).transpose()?;
@@ -117,14 +122,17 @@ impl Arguments {
 
     /// Renders a scene of many objects.
     fn render_objects(&self) -> Result<(), Failure> {
+        self.render_stage(ObjectStage::set(&self.scene, &self.look, &self.common)?)
+    }
+
+    fn render_stage(&self, mut stage: ObjectStage) -> Result<(), Failure> {
         let Arguments { look, common, .. } = self;
-        let mut stage = ObjectStage::set(&self.scene, look, common)?;
         let path = self.path(&stage.scene.name);
         let shines = shines(stage.tracer.appearance());
         let request = self.request(&stage.placed, shines, &path)?;
         if self.explain {
             let plan = stage.tracer.plan(&request)?;
-            return output::data(&plan.explain());
+            return output::data(&(shaded(stage.tracer.shading(), &stage.info) + &plan.explain()));
         }
         let of_part = |_| part_settings::of_objects(&stage, &request);
         let settings = self.part.map(of_part).transpose()?;
@@ -141,10 +149,11 @@ impl Arguments {
         stage.report_picture(look, common, &stats, render_ms, &written)
     }
 
-    /// Heat maps show no surfaces.
+    /// Heat maps show no surfaces. Pictures show their holes.
     fn scene_options(&self) -> SceneOptions {
         let options = self.look.scene_options(&self.common);
-        SceneOptions { textures: options.textures && !self.wanted.is_heatmap(), ..options }
+        let textures = options.textures && !self.wanted.is_heatmap();
+        SceneOptions { textures, cutouts: textures, ..options }
     }
 
     fn outputs(&self, path: &Path) -> Outputs {
@@ -220,6 +229,7 @@ impl Arguments {
                 shadow_rays: stats.shadow_rays,
                 photon_rays: stats.photon_rays,
                 redone: stats.redone,
+                shading: stage.tracer.shading(stats.plan.settings()).to_string(),
                 trace_ms,
                 render_ms,
                 output: names,
@@ -230,11 +240,12 @@ impl Arguments {
         }
         let tracing = trace_ms.map_or(String::new(), |ms| format!(", {ms:.1} ms of it tracing"));
         output::data(&format!(
-            "{}{}traced   {} rays: {} camera, mirrored and refracted, {} shadow{}{}\n\
+            "{}{}{}traced   {} rays: {} camera, mirrored and refracted, {} shadow{}{}\n\
              rendered in {render_ms:.1} ms{tracing} ({:.1} million rays a second)\n{}\
              written  {} ({width}x{height})\n",
             built.describe(),
             stage.describe_placed(),
+            shaded(stage.tracer.shading(stats.plan.settings()), &stage.info),
             stats.rays(),
             stats.paths,
             stats.shadow_rays,
@@ -271,8 +282,10 @@ struct RenderReport {
     shadow_rays: u64,
     /// Rays of photons, one for each bounce.
     photon_rays: u64,
-    /// Rays that a GPU left undecided, and the CPU traced again: accuracy exact only.
+    /// Rays that a GPU left to the CPU, undecided or unfinished.
     redone: u64,
+    /// `cpu`, `gpu`, or `cpu, rays on gpu`.
+    shading: String,
     /// Time in queries; null where it is not measured.
     trace_ms: Option<f64>,
     render_ms: f64,

@@ -8,8 +8,12 @@ use super::{output, progress};
 use splitplane::backend::OpenedEngine;
 use splitplane::render::Appearance;
 use splitplane::scene::Scene;
-use splitplane::tracer::Tracer;
-use splitplane::{Accelerator, BackendInfo, BackendKind, BuildOptions};
+#[cfg(feature = "wgpu")]
+use splitplane::tracer::RayTrial;
+use splitplane::tracer::{FrameRequest, Shading, Tracer};
+use splitplane::{Accelerator, BackendInfo, BuildOptions};
+#[cfg(feature = "wgpu")]
+use splitplane::{BackendKind, CpuBackend};
 use splitplane_scene::from_file::quoted;
 use std::time::Instant;
 
@@ -31,21 +35,14 @@ pub(super) fn open_backend(common: &Common) -> Result<OpenedEngine, Failure> {
     Ok(common.backend.open_engine(&common.open_options())?)
 }
 
-/// The same for pictures of a mesh. `auto` takes the CPU where it alone makes them.
-pub(super) fn open_for_pictures(common: &Common, look: &Look) -> Result<OpenedEngine, Failure> {
-    let Some(reason) = look.is_for_the_cpu().filter(|_| common.backend != BackendKind::Cpu) else {
-        return open_backend(common);
-    };
-    if common.backend == BackendKind::Wgpu {
-        return Err(Failure::usage(
-            "a GPU renders direct light in one pass, and without environment maps: --transport paths and photons, --passes, and \
-             --environment with a file need --backend cpu",
-        ));
+/// Where a picture is shaded, as a line of a report; empty where all of it is done in one place.
+pub(super) fn shaded(shading: Shading, info: &BackendInfo) -> String {
+    match shading {
+        Shading::CpuWithRaysOnGpu => {
+            format!("shading  {}\n", shading.describe(info.adapter.as_deref()))
+        }
+        _ => String::new(),
     }
-    let mut cpu = common.clone();
-    cpu.backend = BackendKind::Cpu;
-    let opened = open_backend(&cpu)?;
-    Ok(OpenedEngine { reason: reason.into(), ..opened })
 }
 
 impl Stage {
@@ -90,6 +87,40 @@ impl Stage {
         Ok(Stage { scene, tracer, placed, options, info, build_ms, reason })
     }
 
+    /// For `auto`, where the CPU shades what a GPU could trace: takes the one that traces a wave of rays of this picture faster. Pictures do
+    /// not depend on it.
+    #[cfg(feature = "wgpu")]
+    pub(super) fn choose(
+        &mut self,
+        request: &FrameRequest<'_>,
+        common: &Common,
+    ) -> Result<(), Failure> {
+        if common.backend != BackendKind::Auto {
+            return Ok(());
+        }
+        let spinner = progress::spinner(common.quiet, "timing rays on the GPU and on the CPU");
+        let trial = self.tracer.try_rays(&self.scene.mesh()?, request)?;
+        spinner.finish_and_clear();
+        let Some(trial) = trial else { return Ok(()) };
+        let gpu = self.info.adapter.clone().unwrap_or_else(|| self.info.name.clone());
+        self.reason = reason(&gpu, &trial);
+        if !trial.is_for_gpu() {
+            let (mesh, options) = (self.scene.mesh()?, self.options);
+            self.tracer =
+                Tracer::load(CpuBackend::new(), &mesh, &self.scene.appearance(), &options)?;
+            self.info = self.tracer.backend();
+        }
+        if !common.quiet {
+            output::note(&format!("backend: {} ({})", self.info.name, self.reason));
+        }
+        Ok(())
+    }
+
+    #[cfg(not(feature = "wgpu"))]
+    pub(super) fn choose(&mut self, _: &FrameRequest<'_>, _: &Common) -> Result<(), Failure> {
+        Ok(())
+    }
+
     /// What there is to report of the build.
     pub(super) fn built(&self) -> Result<Built<'_>, Failure> {
         Ok(Built {
@@ -113,6 +144,21 @@ impl Stage {
             (count, shining) => format!("{count}, and {shining} triangles that shine"),
         };
         format!("camera   at {x},{y},{z}, {view}\nlights   {lights}\n")
+    }
+}
+
+/// Why `auto` took one or the other for the rays of a picture that the CPU shades.
+#[cfg(feature = "wgpu")]
+fn reason(gpu: &str, trial: &RayTrial) -> String {
+    let [on_gpu, on_cpu] = [trial.gpu, trial.cpu].map(|time| time.as_secs_f64() * 1e3);
+    let rays = trial.rays;
+    match trial.is_for_gpu() {
+        true => format!(
+            "auto: the CPU shades; `{gpu}` traces: {rays} rays took {on_gpu:.1} ms there, {on_cpu:.1} ms on the CPU"
+        ),
+        false => format!(
+            "auto: the CPU shades, and traces: {rays} rays took it {on_cpu:.1} ms, `{gpu}` {on_gpu:.1} ms"
+        ),
     }
 }
 

@@ -235,6 +235,7 @@ fn render_reports_its_fields() {
         "photon_rays",
         "shadow_rays",
         "redone",
+        "shading",
         "trace_ms",
         "render_ms",
         "output",

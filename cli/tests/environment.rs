@@ -144,7 +144,6 @@ fn what_cannot_be_is_refused() {
         fail(&folder, code, &arguments)
     };
     let usage = |more: &[&str]| render(2, &[&["--environment", "even.hdr"], more].concat());
-    assert!(usage(&["--backend", "wgpu"]).contains("--environment with a file"));
     assert!(usage(&["--ambient", "0.5"]).contains("all light is sampled"));
     assert!(usage(&["--environment-strength=-1"]).contains("from 0 to 1e12"));
     assert!(usage(&["--environment-strength", "nan"]).contains("from 0 to 1e12"));

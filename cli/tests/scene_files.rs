@@ -301,3 +301,60 @@ fn spheres_and_capsules_are_rendered_and_move() {
         assert!(error.contains(words), "{words}: {error}");
     }
 }
+
+/// A mesh alone shows the holes of its materials as a scene file with it does, and light comes through them.
+#[test]
+fn a_mesh_alone_shows_its_holes() {
+    let folder = folder();
+    let at = |name: &str| folder.path().join(name);
+    let leaf = "mtllib leaf.mtl\nv -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n\
+                usemtl leaf\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n";
+    fs::write(at("leaf.obj"), leaf).unwrap();
+    fs::write(at("leaf.mtl"), "newmtl leaf\nKd 0 1 0\nmap_d leaf.png\n").unwrap();
+    // Open in the upper left and the lower right quarter.
+    let alpha = |x: u32, y: u32| [0, 0, 0, if (x < 4) == (y < 4) { 0 } else { 255 }];
+    image::RgbaImage::from_fn(8, 8, |x, y| image::Rgba(alpha(x, y))).save(at("leaf.png")).unwrap();
+    let scene = r#"{"format": "splitplane-scene", "version": 1, "geometries": [{"name": "leaf", "obj": "leaf.obj"}],
+        "instances": [{"geometry": "leaf"}]}"#;
+    fs::write(at("leaf.json"), scene).unwrap();
+    let picture = |scene: &str, output: &str, more: &[&str]| {
+        let camera = ["--camera-eye", "0,0,3", "--camera-at", "0,0,0", "--fov", "60"];
+        let light = ["--sun", "0,0,1", "--environment", "0,0,1", "--size", "16x16", "-o", output];
+        ends(&folder, 0, &[&["render", scene], &camera[..], &light, more].concat());
+        fs::read(at(output)).unwrap()
+    };
+    let one = ["--samples", "1"];
+    let alone = picture("leaf.obj", "alone.png", &one);
+    assert!(alone == picture("leaf.json", "scene.png", &one), "another picture");
+    let closed = picture("leaf.obj", "closed.png", &["--no-textures", "--samples", "1"]);
+    let [alone, closed] =
+        [alone, closed].map(|file| image::load_from_memory(&file).unwrap().to_rgb8());
+    for (x, y, is_open) in [(5, 5, true), (10, 5, false), (5, 10, false), (10, 10, true)] {
+        let is_green = |picture: &image::RgbImage| picture.get_pixel(x, y).0[1] > 0;
+        assert!(is_green(&closed) && is_green(&alone) != is_open, "{x} {y}");
+    }
+    // Costs are those of the mesh itself.
+    let (out, _) = ends(
+        &folder,
+        0,
+        &["render", "leaf.obj", "--heatmap", "nodes", "--size", "8x8", "-o", "h.png", "--json"],
+    );
+    assert!(out.contains("\"triangles\":2") && !out.contains("instances"), "{out}");
+    // Camera and lights are placed as for any mesh, and photons go through the holes too.
+    ends(
+        &folder,
+        0,
+        &[
+            "render",
+            "leaf.obj",
+            "--transport",
+            "photons",
+            "--photons",
+            "64",
+            "--size",
+            "8x8",
+            "-o",
+            "p.png",
+        ],
+    );
+}

@@ -27,16 +27,17 @@ pub enum RenderError {
          backend cpu, or another accuracy"
     )]
     ExactOnDevice,
-    /// A frame whose light is followed beyond direct light, or of several passes, on a device: the CPU alone renders those.
+    /// A frame whose light is followed beyond direct light, or of several passes, by kernels of a device alone. A
+    /// [`Tracer`](crate::tracer::Tracer) has the CPU shade those, where the feature `cpu` is on.
     #[cfg(feature = "wgpu")]
     #[error(
-        "a device renders direct light in one pass only; take backend cpu for light by paths and for more passes"
+        "the kernels of a device shade direct light in one pass only; light by paths and photons, and more passes, are shaded by the CPU"
     )]
     LightOnDevice,
-    /// An environment map on a device: the CPU alone has them.
+    /// An environment map, by kernels of a device alone; see [`RenderError::LightOnDevice`].
     #[cfg(feature = "wgpu")]
     #[error(
-        "a device renders no light of environment maps; take backend cpu, or an environment of three colours"
+        "the kernels of a device shade no light of environment maps: the CPU does; or take an environment of three colours"
     )]
     EnvironmentMapOnDevice,
     /// The buffer for the picture is unsuitable.

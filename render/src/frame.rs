@@ -41,7 +41,8 @@ pub struct FrameStats {
     pub shadow_rays: u64,
     /// Rays of photons, one for each bounce.
     pub photon_rays: u64,
-    /// Rays of an exact frame that its device left undecided, and the CPU traced; 0 on the CPU.
+    /// Rays that a device left to the CPU: those of an exact frame that it left undecided, and, where the CPU shades, those that its
+    /// driver did not follow to their end. 0 on the CPU.
     pub redone: u64,
     /// Rays of a scene whose geometries are on a device, for which the CPU found the instances that they enter; those of slices that
     /// had to be repeated count again. 0 where all is on the CPU, and where the device finds the instances.

@@ -6,7 +6,7 @@ use crate::environment_map::MapSample;
 use crate::layout::{Path, Surface};
 use crate::plane::start;
 use crate::random::{Use, key, light_sample, unit, words};
-use crate::scene_data::DIRECTIONAL;
+use crate::scene_data::{DIRECTIONAL, RoundPlace};
 use crate::scene_words::{SceneWords, weighted};
 use crate::vector::{
     Vector, add, dot, greatest, length, mul, negated, normalized, power_of_two, scaled, sub,
@@ -59,7 +59,7 @@ fn area_sample(
     shining_point(scene, world, [unit(x), unit(y)], z)
 }
 
-/// A point of the triangle that shines whose share holds the word, evenly over the triangle.
+/// A point of the triangle or shape that shines whose share holds the word, evenly over the triangle, or over the shape in its object's space.
 pub(crate) fn shining_point(
     scene: &SceneWords<'_>,
     world: impl World,
@@ -68,20 +68,27 @@ pub(crate) fn shining_point(
 ) -> AreaSample {
     let emitter = scene.emitter(word);
     let at = Spot { triangle: emitter.triangle, instance: emitter.instance };
+    let material = scene.material(world.material(scene, at));
+    let radiance = scaled(material.emission, 1.0 / emitter.probability);
+    let probability = emitter.probability;
+    if let Some(RoundPlace { point, normal, offset, scaled_area, power }) =
+        world.point_of_shape(at, [u, v])
+    {
+        return AreaSample { point, normal, scaled_area, power, offset, radiance, probability };
+    }
     let (corners, plane) = world.plane(at);
     // Evenly over the parallelogram, its far half folded back.
     if u + v > 1.0 {
         (u, v) = (1.0 - u, 1.0 - v);
     }
-    let material = scene.material(world.material(scene, at));
     AreaSample {
         point: weighted(corners, [(1.0 - u) - v, u, v]),
         normal: normalized(plane.scaled_normal),
         scaled_area: length(plane.scaled_normal) * 0.5,
         power: plane.power,
         offset: plane.offset,
-        radiance: scaled(material.emission, 1.0 / emitter.probability),
-        probability: emitter.probability,
+        radiance,
+        probability,
     }
 }
 

@@ -44,20 +44,19 @@ pub(crate) fn shade(
     }
     let met = meet(scene, world, ray, (hit, instance));
     let (mut surface, emission) = described(scene, &met, ray);
-    // Shapes send no photons, so that where these are looked up they are seen, but light nothing.
-    let counts = match met.described {
-        NONE => path.history == FROM_EYE,
-        _ => !is_caustic(frame, path),
+    let Met { at, plane, .. } = met;
+    let area = (length(plane.scaled_normal) * 0.5, plane.power);
+    // Shapes of the user's own are not sampled and send no photons, so that where these are looked up they are seen, but light nothing.
+    let is_own_shape = met.described == NONE && area.0 == 0.0;
+    let counts = match is_own_shape {
+        true => path.history == FROM_EYE,
+        false => !is_caustic(frame, path),
     };
     if greatest(emission) > 0.0 && counts {
-        let Met { at, plane, .. } = met;
         let mut own = 1.0;
-        // No ray is aimed at a shape.
-        let is_triangle = met.described != NONE;
-        let sampled = path.density > 0.0 && frame.area_samples > 0 && is_triangle;
+        let sampled = path.density > 0.0 && frame.area_samples > 0 && !is_own_shape;
         if sampled && !is_planted(frame, Fault::EmissionWhole) {
             let cosine = dot(surface.geometric_normal, ray.direction).abs();
-            let area = (length(plane.scaled_normal) * 0.5, plane.power);
             let other =
                 frame.area_samples as f32 * scene.emitter_probability(at.triangle, at.instance);
             own = share(frame, path.density * solid_angle(area, hit.t, cosine), other);

@@ -381,7 +381,7 @@ impl SceneData {
     }
 }
 
-/// The triangles that shine, each with its instance, and their powers.
+/// The triangles, spheres and capsules that shine, each with its instance, and their powers.
 fn shining(
     mesh: &Mesh<'_>,
     materials: &[Material],
@@ -407,6 +407,12 @@ fn shining(
         Some(table) => {
             for (instance, shown) in table.all() {
                 let all = (shown.material != NONE).then_some(shown.material);
+                if shown.has_shapes() {
+                    let radiance = radiance(all.unwrap_or(0));
+                    powers.extend(table.areas(shown).zip(0..).filter_map(|(area, primitive)| {
+                        Some(([primitive, instance], is_powerful(radiance? * area)?))
+                    }));
+                }
                 powers.extend((0..shown.triangles).filter_map(|t| {
                     let described = (shown.first_triangle + t) as usize;
                     let radiance = all.map_or_else(|| own(described), radiance)?;

@@ -33,7 +33,7 @@ pub(crate) struct Met {
     pub(crate) weights: [f32; 3],
     /// Whether the ray met the front, which is the outside of a body.
     pub(crate) from_front: bool,
-    /// Its plane; one without area for a shape.
+    /// Its plane; that of a shape has its area as a light has it, and no edges.
     pub(crate) plane: Plane,
 }
 
@@ -82,7 +82,7 @@ pub(crate) fn meet(
     Met { surface, at, described, weights, from_front, plane }
 }
 
-/// The point of a shape that a ray met. Its texture is white, and it is no light that rays are aimed at.
+/// The point of a shape that a ray met. Its texture is white.
 fn meet_shape(material: u32, at: Spot, ray: &Ray, place: &RoundPlace) -> Met {
     let facing = dot(place.normal, ray.direction) < 0.0;
     let normal = match place.normal {
@@ -91,7 +91,8 @@ fn meet_shape(material: u32, at: Spot, ray: &Ray, place: &RoundPlace) -> Met {
         normal => negated(normal),
     };
     let (point, offset) = (place.point, place.offset);
-    let (geometric_normal, plane) = (normal, Plane::NONE);
+    let (scaled_normal, power) = (scaled(normal, 2.0 * place.scaled_area), place.power);
+    let (geometric_normal, plane) = (normal, Plane { scaled_normal, power, ..Plane::NONE });
     let surface =
         Surface { point, offset, geometric_normal, material, normal, ..Surface::default() };
     Met { surface, at, described: NONE, weights: [0.0; 3], from_front: facing, plane }

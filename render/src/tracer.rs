@@ -3,6 +3,8 @@
 
 mod error;
 mod frame;
+#[cfg(all(feature = "cpu", feature = "wgpu"))]
+mod host_shaded;
 mod moved;
 #[cfg(feature = "cpu")]
 mod of_instances;
@@ -11,7 +13,10 @@ mod on_cpu;
 #[cfg(feature = "wgpu")]
 mod on_gpu;
 mod output;
+mod shading;
 mod tree_size;
+#[cfg(all(feature = "cpu", feature = "wgpu"))]
+mod trial;
 
 pub use error::TracerError;
 pub use frame::{Frame, FrameRequest};
@@ -19,11 +24,15 @@ pub use moved::Moved;
 #[cfg(feature = "cpu")]
 pub use of_instances::{InstanceTracer, InstancedLook};
 pub use output::Output;
+pub use shading::Shading;
 pub use tree_size::TreeSize;
+#[cfg(all(feature = "cpu", feature = "wgpu"))]
+pub use trial::RayTrial;
 
 use crate::frame::FrameInput;
 use crate::plan::Plan;
 use crate::scene_data::{Appearance, SceneData};
+use crate::settings::RenderSettings;
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::report::{BackendInfo, BuildSummary};
@@ -247,7 +256,7 @@ impl Tracer {
     }
 
     /// The tree for queries from the host. `None` only on a GPU, when [`Tracer::rebuild`] has left the last
-    /// tree there.
+    /// tree there and no frame that the CPU shades has read it back.
     pub fn accelerator(&self) -> Option<&dyn Accelerator> {
         on!(&self.on, on => on.accelerator())
     }
@@ -290,13 +299,20 @@ impl Tracer {
         }
     }
 
+    /// Where frames of these settings are shaded, and where their rays are traced. On a GPU the CPU shades what the GPU's kernels do
+    /// not, where the feature `cpu` is on.
+    pub fn shading(&self, settings: &RenderSettings) -> Shading {
+        on!(&self.on, on => on.shading(&self.appearance, settings))
+    }
+
     /// How a frame would be rendered: steps, queues and bytes.
     ///
     /// # Errors
     /// Settings out of range, too many lights, or a scene or picture that does not fit a buffer.
     pub fn plan(&self, request: &FrameRequest<'_>) -> Result<Plan, TracerError> {
         let FrameRequest { size, settings, outputs, query, .. } = request;
-        let room = on!(&self.on, on => on.room(query.accuracy));
+        let shading = self.shading(settings);
+        let room = on!(&self.on, on => on.room(shading, query.accuracy));
         Ok(Plan::new(&self.appearance, *size, settings, *outputs, room)?)
     }
 
@@ -319,7 +335,7 @@ impl Tracer {
     /// trip. The next tree may be submitted meanwhile. A frame that was submitted before is forgotten. A frame of accuracy `exact`
     /// waits for the device between its waves, and so does this.
     ///
-    /// On the CPU the frame is rendered before this returns.
+    /// On the CPU, and where the CPU shades ([`Tracer::shading`]), the frame is rendered before this returns.
     ///
     /// # Errors
     /// As for [`Tracer::frame`].
@@ -368,7 +384,8 @@ impl Tracer {
     /// As [`Tracer::frame`] on a GPU, with the picture in a buffer of its device: one word per
     /// pixel, row by row from the top left, red in the lowest byte, then green, blue and 255. The
     /// buffer needs the usage `STORAGE`, and `COPY_SRC` for [`Frame::pixels`]; nothing of the
-    /// picture crosses to the host before that.
+    /// picture crosses to the host before that. Pictures that the CPU shades ([`Tracer::shading`]) are copied into it: for those it needs
+    /// `COPY_DST` alone.
     ///
     /// # Errors
     /// As for [`Tracer::frame`]; an unsuitable buffer, or a tracer that is not on a GPU.

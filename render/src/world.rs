@@ -30,6 +30,9 @@ pub(crate) trait World: Copy + Sync {
     /// The place of a hit with a shape, which has no corners; `None` for a triangle.
     fn round(&self, ray: &Ray, hit: (&Hit, u32)) -> Option<RoundPlace>;
 
+    /// A point of a shape that shines, drawn by two numbers; `None` for a triangle.
+    fn point_of_shape(&self, at: Spot, numbers: [f32; 2]) -> Option<RoundPlace>;
+
     /// The material of a triangle, or of a shape.
     fn material(&self, scene: &SceneWords<'_>, at: Spot) -> u32;
 
@@ -56,6 +59,11 @@ impl World for OneMesh<'_> {
 
     #[inline]
     fn round(&self, _ray: &Ray, _hit: (&Hit, u32)) -> Option<RoundPlace> {
+        None
+    }
+
+    #[inline]
+    fn point_of_shape(&self, _at: Spot, _numbers: [f32; 2]) -> Option<RoundPlace> {
         None
     }
 
@@ -97,6 +105,10 @@ impl World for Instances<'_> {
 
     fn round(&self, ray: &Ray, (hit, instance): (&Hit, u32)) -> Option<RoundPlace> {
         self.table.round(ray, hit, instance)
+    }
+
+    fn point_of_shape(&self, at: Spot, numbers: [f32; 2]) -> Option<RoundPlace> {
+        self.table.sample(at.triangle, at.instance, numbers)
     }
 
     fn material(&self, scene: &SceneWords<'_>, at: Spot) -> u32 {

@@ -3,8 +3,8 @@
 mod common;
 
 use common::{
-    ALL, Point, Shot, World, along_z, ball, cornell, cornell_camera, dark, downwards, mean, near,
-    shoot, try_shoot,
+    ALL, Point, Shot, World, along_z, ball, cornell, cornell_camera, dark, downwards, everything,
+    mean, near, shoot, try_shoot,
 };
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::error::QueryError;
@@ -16,8 +16,8 @@ use splitplane_core::watch::{Progress, Stage, Watch};
 use splitplane_cpu::CpuBackend;
 use splitplane_render::cpu::CpuRenderer;
 use splitplane_render::{
-    Environment, FrameInput, Gather, Light, LightTransport, MAX_BOUNCES, Material, Pinhole,
-    RenderError, RenderSettings, Room, Size,
+    Environment, FrameInput, Gather, LightTransport, MAX_BOUNCES, Material, Pinhole, RenderError,
+    RenderSettings, Room, Size,
 };
 use std::f64::consts::PI;
 use std::ops::ControlFlow;
@@ -255,23 +255,6 @@ fn a_caustic_by_photons_and_by_paths() {
     world.normal_indices.resize(world.triangles.len(), [u32::MAX; 3]);
     let size = Size::new(18, 18).unwrap();
     photons_are_like_paths(&world, downwards([0.0, 2.9, 0.0], size, 0.6), size, 0.03);
-}
-
-/// A room with all kinds of lights and surfaces, open to the front.
-fn everything() -> World {
-    let mut world = cornell();
-    world.materials.extend([
-        Material::new("glass", [0.0; 3]).with_dielectric(1.5, [0.9; 3]),
-        Material::new("metal", [0.1; 3]).with_mirror([0.7, 0.6, 0.5]).with_roughness(0.3),
-    ]);
-    ball(&mut world, 4, [0.5, -0.4, 0.4], 0.3, false);
-    world.block(5, [0.4, -0.999, -0.8], [0.8, -0.1, -0.4]);
-    world.lights = vec![
-        Light::Point { position: [0.7, 0.5, 0.7], irradiance: [1.0, 0.5, 2.0], distance: 1.0 },
-        Light::Point { position: [0.0, 3.0, 9.0], irradiance: [2.0; 3], distance: 9.0 },
-        Light::Directional { towards: [1.0, 2.0, 5.0], irradiance: [1.0, 2.0, 1.0] },
-    ];
-    world
 }
 
 /// What is emitted is absorbed, escapes or is cut off; chance takes as much as it gives.

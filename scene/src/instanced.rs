@@ -160,6 +160,20 @@ impl Placed {
 }
 
 impl InstancedScene {
+    /// One geometry, and one instance of it in place, with the holes that materials cut into its surfaces ([`Scene::cutouts`]) as an opacity mask.
+    ///
+    /// # Errors
+    /// No memory for the mask.
+    pub fn cut_out(parts: Scene) -> Result<InstancedScene, InstancedError> {
+        let all = 0..parts.indices.len() as u32;
+        let mask = cutout::mask(&parts, &cutout::channels(&parts), &[all])?;
+        let mut scene = InstancedScene::from(parts);
+        for own in &mut scene.geometries {
+            own.opacity.clone_from(&mask);
+        }
+        Ok(scene)
+    }
+
     /// The triangles of a geometry, by the numbers of its own vertices.
     fn indices_of(&self, geometry: &Geometry) -> Vec<[u32; 3]> {
         let Range { start, end } = geometry.triangles;

@@ -81,8 +81,8 @@ pub struct Scene {
     /// The pictures that materials name by index.
     pub textures: Vec<Texture>,
     /// For every material, by its place, the picture that says where its surfaces have holes, as an index of `textures`. Empty where none has, and
-    /// where it was not read. Pictures of one mesh show no holes; scenes of many objects make [opacity masks](splitplane_core::scene::OpacityMask)
-    /// of them.
+    /// where it was not read. A mesh shows no holes; scenes of many objects make [opacity masks](splitplane_core::scene::OpacityMask)
+    /// of them: [`InstancedScene::cut_out`](instanced::InstancedScene::cut_out).
     pub cutouts: Vec<Option<u32>>,
     /// Where the groups and objects of a file begin, in the order of its triangles.
     pub groups: Vec<Group>,

@@ -105,6 +105,12 @@ impl Queries {
         &self.gpu
     }
 
+    /// Gives a kernel of rays another text, or its own again: for tests that plant faults.
+    #[doc(hidden)]
+    pub fn replace_kernel(&self, kernel: QueryKernel, source: Option<String>) {
+        self.pipelines.replace::<RayQueries>(kernel, source);
+    }
+
     /// The kernels' variant for a triangle test and for triangles in this buffer.
     pub(super) fn variant(&self, test: TriangleTest, triangles: &wgpu::Buffer) -> QueryVariant {
         QueryVariant { test, by_halves: triangles.size() > binding_limit(self.gpu.limits()).0 }

@@ -39,7 +39,9 @@ pub struct TreeParts {
 
 /// A tree in device memory, with what queries need in addition: 8 bytes per node, 4 per reference,
 /// 36 per triangle, and 64 for the scene; and compressed nodes, where they are asked for.
-#[derive(Debug)]
+///
+/// A clone is the same tree in the same buffers: recycle one of them only when nobody uses another.
+#[derive(Clone, Debug)]
 pub struct DeviceTree {
     parts: TreeParts,
     scene: wgpu::Buffer,
@@ -48,7 +50,7 @@ pub struct DeviceTree {
 }
 
 /// The buffers of compressed nodes.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Compressed {
     pub(super) nodes: wgpu::Buffer,
     pub(super) references: wgpu::Buffer,

@@ -2,7 +2,7 @@
 
 use super::buffers::Buffers;
 use super::kernels as k;
-use super::photons::{Maps, PhotonReport, Tracing, trace};
+use super::photons::{Maps, PhotonReport, PointTrees, Tracing, trace};
 use super::traced::{Traced, of_scene};
 use crate::error::RenderError;
 use crate::frame::FrameInput;
@@ -25,7 +25,7 @@ use std::time::Duration;
 macro_rules! in_world {
     ($traced:expr, $mesh:expr, $world:ident => $call:expr) => {
         match $traced {
-            Traced::Mesh(_) => {
+            Traced::Mesh(..) => {
                 let $world = OneMesh($mesh);
                 $call
             }
@@ -51,7 +51,12 @@ pub struct CpuExecutor<'a> {
     /// The photons of this pass, and what became of those of all.
     maps: Option<Maps>,
     photons: PhotonReport,
+    /// What builds the trees of photons.
+    trees: &'a PointTrees,
 }
+
+/// Those of a frame whose photons stay on the cores of this machine.
+static HOST_TREES: PointTrees = PointTrees::Cpu;
 
 impl core::fmt::Debug for CpuExecutor<'_> {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
@@ -73,13 +78,13 @@ impl<'a> CpuExecutor<'a> {
         plan: Plan,
         buffers: &'a mut Buffers,
     ) -> Result<CpuExecutor<'a>, RenderError> {
-        CpuExecutor::of(input, Traced::Mesh(accelerator), plan, buffers)
+        CpuExecutor::of(input, (Traced::Mesh(accelerator, None), &HOST_TREES), plan, buffers)
     }
 
-    /// A new executor of what is traced: its triangles must be those of `input`.
+    /// A new executor of what is traced, and of what builds the trees of photons: its triangles must be those of `input`.
     pub(super) fn of(
         input: FrameInput<'a>,
-        traced: Traced<'a>,
+        (traced, trees): (Traced<'a>, &'a PointTrees),
         plan: Plan,
         buffers: &'a mut Buffers,
     ) -> Result<CpuExecutor<'a>, RenderError> {
@@ -91,7 +96,18 @@ impl<'a> CpuExecutor<'a> {
         let frame = plan.frame(input.scene, &input.camera, &input.query);
         let tracing = Stopwatch::start().elapsed().map(|_| Duration::ZERO);
         let (scale, maps, photons) = (None, None, PhotonReport::default());
-        Ok(CpuExecutor { input, traced, plan, frame, buffers, scale, tracing, maps, photons })
+        Ok(CpuExecutor {
+            input,
+            traced,
+            plan,
+            frame,
+            buffers,
+            scale,
+            tracing,
+            maps,
+            photons,
+            trees,
+        })
     }
 
     /// Begins another pass of the frame, over other samples of each pixel and other photons. The sums of counters go on.
@@ -109,11 +125,11 @@ impl<'a> CpuExecutor<'a> {
         let FrameInput { mesh, scene: data, query, .. } = self.input;
         let environment = data.environment();
         let scene = SceneWords { words: data.words(), frame: &self.frame, environment };
-        let (traced, plan) = (self.traced, &self.plan);
+        let (traced, plan, trees) = (self.traced, &self.plan, self.trees);
         let bounds = traced.bounds();
         let stopwatch = Stopwatch::start();
         self.maps = in_world!(traced, mesh, world => {
-            let tracing = Tracing { scene, world, bounds, traced, plan, query };
+            let tracing = Tracing { scene, world, bounds, traced, plan, query, trees };
             trace(&tracing, pass, &mut self.photons)?
         });
         self.add_tracing(stopwatch);
@@ -267,7 +283,7 @@ impl Executor<RayTracer> for CpuExecutor<'_> {
             }
             Kernel::FirstCosts => {
                 let accelerator = match self.traced {
-                    Traced::Mesh(accelerator) => accelerator,
+                    Traced::Mesh(accelerator, _) => accelerator,
                     Traced::Scene(scene, ..) => {
                         let pixels = &mut b.first_costs[counters[Counter::FirstPixel] as usize..];
                         let firsts = b.rays[..paths].par_iter().step_by(frame.samples as usize);

@@ -2,8 +2,8 @@
 
 use super::buffers::Buffers;
 use super::executor::CpuExecutor;
-use super::photons::PhotonReport;
-use super::traced::Traced;
+use super::photons::{PhotonReport, PointTrees};
+use super::traced::{ByCpu, Traced};
 use crate::error::RenderError;
 use crate::frame::{FrameInput, FrameStats};
 use crate::kernel::Counter;
@@ -11,9 +11,12 @@ use crate::layout::{FirstCost, FirstHit};
 use crate::plan::{Plan, Room};
 use crate::scene_data::instances::InstanceTable;
 use crate::schedule;
-use core::sync::atomic::AtomicU64;
 use splitplane_core::backend::Accelerator;
 use splitplane_core::backend::scene::SceneAccelerator;
+#[cfg(feature = "wgpu")]
+use splitplane_wgpu::Queries;
+#[cfg(feature = "wgpu")]
+use std::sync::Arc;
 
 /// Renders frames on the CPU. Work runs in the rayon pool of the calling thread; memory is kept
 /// between frames and grows only when a frame needs more than all earlier ones.
@@ -22,6 +25,7 @@ pub struct CpuRenderer {
     buffers: Buffers,
     room: Room,
     photons: Option<PhotonReport>,
+    trees: PointTrees,
 }
 
 impl Default for CpuRenderer {
@@ -38,10 +42,18 @@ impl CpuRenderer {
 
     /// A renderer whose queues have other capacities. Pictures do not depend on them.
     pub fn with_room(room: Room) -> CpuRenderer {
-        CpuRenderer { buffers: Buffers::default(), room, photons: None }
+        CpuRenderer { buffers: Buffers::default(), room, photons: None, trees: PointTrees::Cpu }
     }
 
-    /// Renders a frame. `accelerator` must be built over the mesh of `input`.
+    /// Has a device build the trees of photons and look photons up in them, for frames whose rays it answers too. Shading stays on the
+    /// CPU. Pictures have the same bits, where the device's parity is bitwise.
+    #[cfg(feature = "wgpu")]
+    pub fn with_photons_on(self, queries: Arc<Queries>) -> CpuRenderer {
+        CpuRenderer { trees: PointTrees::Device(queries), ..self }
+    }
+
+    /// Renders a frame. `accelerator` must be built over the mesh of `input`; it may be a device's, which then gets the rays of
+    /// each wave as a batch.
     ///
     /// # Errors
     /// Settings out of range, an appearance of another mesh, a backend that fails.
@@ -50,7 +62,9 @@ impl CpuRenderer {
         accelerator: &dyn Accelerator,
         input: &FrameInput<'_>,
     ) -> Result<FrameStats, RenderError> {
-        self.render_traced(Traced::Mesh(accelerator), input)
+        let by_cpu = ByCpu::default();
+        let stats = self.render_traced(Traced::Mesh(accelerator, Some(&by_cpu)), input)?;
+        Ok(FrameStats { redone: by_cpu.redone.into_inner(), ..stats })
     }
 
     /// Renders a frame of a scene of instances. The mesh of `input` has the triangles of all its geometries, one after the other, its
@@ -65,9 +79,9 @@ impl CpuRenderer {
         table: &InstanceTable,
         input: &FrameInput<'_>,
     ) -> Result<FrameStats, RenderError> {
-        let placed = AtomicU64::new(0);
-        let stats = self.render_traced(Traced::Scene(scene, table, &placed), input)?;
-        Ok(FrameStats { placed_by_cpu: placed.into_inner(), ..stats })
+        let by_cpu = ByCpu::default();
+        let stats = self.render_traced(Traced::Scene(scene, table, &by_cpu), input)?;
+        Ok(FrameStats { placed_by_cpu: by_cpu.placed.into_inner(), ..stats })
     }
 
     fn render_traced(
@@ -78,7 +92,8 @@ impl CpuRenderer {
         let FrameInput { scene, size, settings, outputs, .. } = *input;
         let mut plan = Plan::new(scene, size, settings, outputs, self.room)?;
         loop {
-            let mut executor = CpuExecutor::of(*input, traced, plan, &mut self.buffers)?;
+            let on = (traced, &self.trees);
+            let mut executor = CpuExecutor::of(*input, on, plan, &mut self.buffers)?;
             for pass in 0..settings.passes {
                 executor.begin_pass(pass)?;
                 schedule::pass(&mut executor, &if pass == 0 { plan } else { plan.repeated() })?;

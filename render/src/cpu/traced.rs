@@ -8,14 +8,35 @@ use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::Accelerator;
 use splitplane_core::backend::scene::SceneAccelerator;
 use splitplane_core::error::QueryError;
-use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::ray::{Hit, QueryOptions, Ray, Undecided};
+use splitplane_core::report::QueryReport;
 use splitplane_core::scene::{SceneHit, SceneOptions};
 
 #[derive(Clone, Copy)]
 pub(crate) enum Traced<'a> {
-    Mesh(&'a dyn Accelerator),
-    /// And how many rays the CPU placed for a device.
-    Scene(&'a dyn SceneAccelerator, &'a InstanceTable, &'a AtomicU64),
+    /// And what the CPU did for a device.
+    Mesh(&'a dyn Accelerator, Option<&'a ByCpu>),
+    Scene(&'a dyn SceneAccelerator, &'a InstanceTable, &'a ByCpu),
+}
+
+/// Rays that the CPU had a part in, where a device traces.
+#[derive(Debug, Default)]
+pub(crate) struct ByCpu {
+    /// Those for which it found the instances that they enter.
+    pub(crate) placed: AtomicU64,
+    /// Those that it traced, since the device left them undecided or unfinished.
+    pub(crate) redone: AtomicU64,
+}
+
+impl ByCpu {
+    fn note(&self, report: &QueryReport) {
+        self.redone.fetch_add(report.answered_by_cpu, Relaxed);
+    }
+}
+
+/// The settings of a frame's rays for a mesh: a picture needs all answers, so nothing is left undecided.
+fn of_mesh<'a>(options: &QueryOptions<'a>) -> QueryOptions<'a> {
+    QueryOptions { undecided: Undecided::default(), ..*options }
 }
 
 /// The settings of a frame's rays for a scene.
@@ -32,7 +53,7 @@ impl Traced<'_> {
     /// A box around all that is shown.
     pub(crate) fn bounds(self) -> Aabb {
         match self {
-            Traced::Mesh(accelerator) => accelerator.tree().bounds,
+            Traced::Mesh(accelerator, _) => accelerator.tree().bounds,
             Traced::Scene(scene, table, _) => {
                 let mut all = Aabb::EMPTY;
                 for (name, placement) in scene.scene().placements() {
@@ -55,14 +76,15 @@ impl Traced<'_> {
     ) -> Result<(), QueryError> {
         instances.clear();
         match self {
-            Traced::Mesh(accelerator) => {
-                accelerator.closest_hits(rays, hits, options)?;
+            Traced::Mesh(accelerator, by_cpu) => {
+                let report = accelerator.closest_hits(rays, hits, &of_mesh(options))?;
+                by_cpu.inspect(|by_cpu| by_cpu.note(&report));
             }
-            Traced::Scene(scene, _, placed) => {
+            Traced::Scene(scene, _, by_cpu) => {
                 scene_hits.clear();
                 scene_hits.resize(rays.len(), SceneHit::MISS);
                 let report = scene.closest_hits(rays, scene_hits, &of_scene(options))?;
-                placed.fetch_add(report.placed_by_cpu, Relaxed);
+                by_cpu.placed.fetch_add(report.placed_by_cpu, Relaxed);
                 instances.resize(rays.len(), 0);
                 let to = hits.par_iter_mut().zip(instances.par_iter_mut());
                 to.zip(&*scene_hits).with_min_len(4096).for_each(|((hit, instance), met)| {
@@ -81,12 +103,13 @@ impl Traced<'_> {
         options: &QueryOptions<'_>,
     ) -> Result<(), QueryError> {
         match self {
-            Traced::Mesh(accelerator) => {
-                accelerator.any_hits(rays, occluded, options)?;
+            Traced::Mesh(accelerator, by_cpu) => {
+                let report = accelerator.any_hits(rays, occluded, &of_mesh(options))?;
+                by_cpu.inspect(|by_cpu| by_cpu.note(&report));
             }
-            Traced::Scene(scene, _, placed) => {
+            Traced::Scene(scene, _, by_cpu) => {
                 let report = scene.any_hits(rays, occluded, &of_scene(options))?;
-                placed.fetch_add(report.placed_by_cpu, Relaxed);
+                by_cpu.placed.fetch_add(report.placed_by_cpu, Relaxed);
             }
         }
         Ok(())

@@ -115,6 +115,10 @@ impl Shown {
         self.stretch.max(1.0)
     }
 
+    fn ways(&self) -> Ways<'_> {
+        Ways { transform: &self.transform, inverse: &self.inverse, stretch: self.stretch() }
+    }
+
     /// Whether it consists of shapes, which have no triangles.
     pub(crate) fn has_shapes(&self) -> bool {
         self.shapes != NONE
@@ -209,9 +213,30 @@ impl InstanceTable {
     pub(crate) fn round(&self, ray: &Ray, hit: &Hit, instance: u32) -> Option<RoundPlace> {
         let shown = self.shown(instance)?;
         let shapes = self.shapes.get(shown.shapes as usize)?.shapes()?;
-        let (transform, inverse) = (&shown.transform, &shown.inverse);
-        let ways = Ways { transform, inverse, stretch: shown.stretch() };
-        Some(round::place(shapes, &ways, ray, hit))
+        Some(round::place(shapes, &shown.ways(), ray, hit))
+    }
+
+    /// A place of a shape of an instance, evenly over its surface in the object's space; `None` for a triangle, and for shapes of the user's own.
+    pub(crate) fn sample(
+        &self,
+        primitive: u32,
+        instance: u32,
+        numbers: [f32; 2],
+    ) -> Option<RoundPlace> {
+        let shown = self.shown(instance)?;
+        let shapes = self.shapes.get(shown.shapes as usize)?.shapes()?;
+        round::sample(shapes, &shown.ways(), primitive, numbers)
+    }
+
+    /// By primitive about the areas in the world of an instance's spheres or capsules; nothing for other instances.
+    pub(super) fn areas(&self, shown: &Shown) -> impl Iterator<Item = f64> {
+        let shapes = self.shapes.get(shown.shapes as usize).and_then(|own| own.shapes());
+        let count = shapes.map_or(0, |own| own.len() as u32);
+        let ways = shown.ways();
+        (0..count).map(move |primitive| match shapes {
+            Some(shapes) => round::area_in_world(shapes, &ways, primitive),
+            None => 0.0,
+        })
     }
 
     pub(crate) fn shown(&self, instance: u32) -> Option<&Shown> {

@@ -1,6 +1,6 @@
 //! Frames of a scene of instances: rays through its geometries' trees on the backend, shading on the cores of this machine.
 
-use super::{FrameRequest, RenderBackend, TracerError};
+use super::{FrameRequest, RenderBackend, Shading, TracerError};
 use crate::cpu::CpuRenderer;
 use crate::frame::{FrameInput, FrameStats};
 use crate::layout::{FirstCost, FirstHit};
@@ -12,6 +12,8 @@ use splitplane_core::backend::scene::{SceneAccelerator, UpdateReport};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::report::BackendInfo;
 use splitplane_core::scene::Scene;
+#[cfg(feature = "wgpu")]
+use std::sync::Arc;
 
 /// What a scene of instances looks like, borrowed.
 #[derive(Clone, Copy, Debug)]
@@ -26,7 +28,7 @@ pub struct InstancedLook<'a> {
 
 /// Renders frames of a scene of instances. What answers its rays is kept and brought up to date: an update remakes only what changed.
 ///
-/// On a GPU that can hold the scene its rays are traced there; the CPU shades. Frames
+/// On a GPU that can hold the scene its rays are traced there, and photons looked up; the CPU shades. Frames
 /// are equal on all backends, bit for bit, in accuracies watertight and exact.
 pub struct InstanceTracer {
     backend: RenderBackend,
@@ -61,7 +63,14 @@ impl InstanceTracer {
         let table = InstanceTable::new(built.scene(), &look.geometries, triangles)?;
         let mut appearance = SceneData::default();
         appearance.describe_instances(&look.mesh, &look.appearance, &table)?;
-        Ok(InstanceTracer { backend, built, table, appearance, renderer: CpuRenderer::new() })
+        let renderer = match &backend {
+            #[cfg(feature = "wgpu")]
+            RenderBackend::Wgpu(device) => {
+                CpuRenderer::new().with_photons_on(Arc::clone(device.queries()))
+            }
+            RenderBackend::Cpu(_) => CpuRenderer::new(),
+        };
+        Ok(InstanceTracer { backend, built, table, appearance, renderer })
     }
 
     /// Brings what answers rays up to date with the description. Only what changed is made anew: see
@@ -107,6 +116,15 @@ impl InstanceTracer {
     /// A description of the backend.
     pub fn backend(&self) -> BackendInfo {
         self.backend.as_backend().describe()
+    }
+
+    /// Where frames are shaded, and where their rays are traced.
+    pub fn shading(&self) -> Shading {
+        match &self.backend {
+            #[cfg(feature = "wgpu")]
+            RenderBackend::Wgpu(_) => Shading::CpuWithRaysOnGpu,
+            RenderBackend::Cpu(_) => Shading::Cpu,
+        }
     }
 
     /// How a frame would be rendered: steps, queues and bytes.

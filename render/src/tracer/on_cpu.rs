@@ -1,10 +1,12 @@
 //! Frames on the cores of this machine.
 
-use super::{Moved, TracerError, TreeSize};
+use super::{Moved, Shading, TracerError, TreeSize};
 use crate::cpu::CpuRenderer;
 use crate::frame::{FrameInput, FrameStats};
 use crate::layout::{FirstCost, FirstHit};
 use crate::plan::Room;
+use crate::scene_data::SceneData;
+use crate::settings::RenderSettings;
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::Accuracy;
@@ -36,8 +38,12 @@ impl OnCpu {
         self.backend.describe()
     }
 
-    pub(super) fn room(&self, _accuracy: Accuracy) -> Room {
+    pub(super) fn room(&self, _shading: Shading, _accuracy: Accuracy) -> Room {
         Room::CPU
+    }
+
+    pub(super) fn shading(&self, _scene: &SceneData, _settings: &RenderSettings) -> Shading {
+        Shading::Cpu
     }
 
     pub(super) fn rebuild(

@@ -1,12 +1,18 @@
 //! Frames on a GPU.
 
-use super::{Moved, TracerError, TreeSize};
+#[cfg(feature = "cpu")]
+use super::host_shaded::{HostShaded, check, copied};
+use super::{Moved, Shading, TracerError, TreeSize};
 use crate::error::RenderError;
 use crate::frame::{FrameInput, FrameStats};
 use crate::kernel::Buffer;
 use crate::layout::{FirstCost, FirstHit};
 use crate::plan::Room;
-use crate::wgpu::{Keyframes, WgpuRenderer};
+use crate::scene_data::SceneData;
+use crate::settings::RenderSettings;
+#[cfg(feature = "cpu")]
+use crate::wgpu::check_target;
+use crate::wgpu::{Keyframes, WgpuRenderer, beyond_device};
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::error::BuildError;
 use splitplane_core::mesh::Mesh;
@@ -27,6 +33,9 @@ pub(super) struct OnGpu {
     building: Option<PendingBuild>,
     /// A submitted frame that had to be waited for before it was asked for.
     settled: Option<Result<FrameStats, TracerError>>,
+    /// For frames that the device's kernels do not shade.
+    #[cfg(feature = "cpu")]
+    host: HostShaded,
 }
 
 /// A tree on the device.
@@ -59,6 +68,8 @@ impl OnGpu {
             renderer.set_parity(parity);
         }
         Ok(OnGpu {
+            #[cfg(feature = "cpu")]
+            host: HostShaded::new(&backend),
             backend,
             tree: Tree::Copied(Box::new(accelerator)),
             renderer,
@@ -72,8 +83,27 @@ impl OnGpu {
         self.backend.describe()
     }
 
-    pub(super) fn room(&self, accuracy: Accuracy) -> Room {
-        self.renderer.room(accuracy)
+    pub(super) fn room(&self, shading: Shading, accuracy: Accuracy) -> Room {
+        match shading {
+            Shading::Gpu => self.renderer.room(accuracy),
+            _ => Room::CPU,
+        }
+    }
+
+    /// Who shades such frames. Without the feature `cpu` the device does, or refuses.
+    pub(super) fn shading(&self, scene: &SceneData, settings: &RenderSettings) -> Shading {
+        match beyond_device(scene, settings) {
+            Some(_) if cfg!(feature = "cpu") => Shading::CpuWithRaysOnGpu,
+            _ => Shading::Gpu,
+        }
+    }
+
+    /// The same of a frame. What the host shades is done when it is asked for.
+    #[cfg(feature = "cpu")]
+    fn is_for_host(&mut self, input: &FrameInput<'_>) -> bool {
+        let is_for_host = self.shading(input.scene, input.settings) != Shading::Gpu;
+        self.host.is_last &= is_for_host;
+        is_for_host
     }
 
     pub(super) fn rebuild(
@@ -137,6 +167,12 @@ impl OnGpu {
 
     /// Submits a frame whose outputs come along.
     pub(super) fn submit_frame(&mut self, input: &FrameInput<'_>) -> Result<(), TracerError> {
+        #[cfg(feature = "cpu")]
+        if self.is_for_host(input) {
+            let stats = self.frame_by_host(input)?;
+            self.settled = Some(Ok(stats));
+            return Ok(());
+        }
         self.finish_rebuild()?;
         self.settled = None;
         Ok(self.renderer.submit_for_host(self.tree.on_device(), input)?)
@@ -148,6 +184,12 @@ impl OnGpu {
         input: &FrameInput<'_>,
         target: &wgpu::Buffer,
     ) -> Result<(), TracerError> {
+        #[cfg(feature = "cpu")]
+        if self.is_for_host(input) {
+            let stats = self.frame_by_host_into(input, target)?;
+            self.settled = Some(Ok(stats));
+            return Ok(());
+        }
         self.finish_rebuild()?;
         self.settled = None;
         Ok(self.renderer.submit_into(target, self.tree.on_device(), input)?)
@@ -216,6 +258,10 @@ impl OnGpu {
     }
 
     pub(super) fn frame(&mut self, input: &FrameInput<'_>) -> Result<FrameStats, TracerError> {
+        #[cfg(feature = "cpu")]
+        if self.is_for_host(input) {
+            return self.frame_by_host(input);
+        }
         self.finish_rebuild()?;
         self.settled = None;
         Ok(self.renderer.render(self.tree.on_device(), input)?)
@@ -227,6 +273,10 @@ impl OnGpu {
         input: &FrameInput<'_>,
         target: &wgpu::Buffer,
     ) -> Result<FrameStats, TracerError> {
+        #[cfg(feature = "cpu")]
+        if self.is_for_host(input) {
+            return self.frame_by_host_into(input, target);
+        }
         self.finish_rebuild()?;
         self.settled = None;
         Ok(self.renderer.render_into(target, self.tree.on_device(), input)?)
@@ -236,24 +286,73 @@ impl OnGpu {
         self.renderer.limit_paths(paths);
     }
 
+    /// Renders a frame that the device's kernels do not shade. A frame that was submitted before is forgotten.
+    #[cfg(feature = "cpu")]
+    fn frame_by_host(&mut self, input: &FrameInput<'_>) -> Result<FrameStats, TracerError> {
+        self.host.is_last = false;
+        self.finish_rebuild()?;
+        self.renderer.forget();
+        self.settled = None;
+        check(self.tree.on_device(), input)?;
+        if let Tree::OnDevice(tree, summary) = &self.tree {
+            let copied = copied(&self.backend, (tree, *summary), &input.mesh)?;
+            self.tree = Tree::Copied(Box::new(copied));
+        }
+        match &self.tree {
+            Tree::Copied(accelerator) => self.host.frame(accelerator, input),
+            Tree::OnDevice(..) => unreachable!("it was copied above"),
+        }
+    }
+
+    /// The same, with the picture in a buffer of the device.
+    #[cfg(feature = "cpu")]
+    fn frame_by_host_into(
+        &mut self,
+        input: &FrameInput<'_>,
+        target: &wgpu::Buffer,
+    ) -> Result<FrameStats, TracerError> {
+        check_target(target, input, (wgpu::BufferUsages::COPY_DST, "COPY_DST"))?;
+        let stats = self.frame_by_host(input)?;
+        let gpu = self.backend.gpu();
+        let pixels = bytemuck::cast_slice(self.host.renderer.pixels());
+        gpu.guard(|| gpu.write(target, 0, pixels)).map_err(RenderError::from)?;
+        Ok(stats)
+    }
+
     /// What has crossed between host and device.
     pub(super) fn traffic(&self) -> Traffic {
         self.backend.gpu().traffic()
     }
 
     pub(super) fn pixels(&self) -> Result<Cow<'_, [u32]>, TracerError> {
+        #[cfg(feature = "cpu")]
+        if self.host.is_last {
+            return Ok(Cow::Borrowed(self.host.renderer.pixels()));
+        }
         Ok(self.renderer.output(Buffer::Pixels, "picture")?)
     }
 
     pub(super) fn radiance(&self) -> Result<Cow<'_, [[f32; 4]]>, TracerError> {
+        #[cfg(feature = "cpu")]
+        if self.host.is_last {
+            return Ok(Cow::Borrowed(self.host.renderer.radiance()));
+        }
         Ok(self.renderer.output(Buffer::Radiance, "radiance")?)
     }
 
     pub(super) fn first_hits(&self) -> Result<Cow<'_, [FirstHit]>, TracerError> {
+        #[cfg(feature = "cpu")]
+        if self.host.is_last {
+            return Ok(Cow::Borrowed(self.host.renderer.first_hits()));
+        }
         Ok(self.renderer.output(Buffer::FirstHits, "record of first hits")?)
     }
 
     pub(super) fn first_costs(&self) -> Result<Cow<'_, [FirstCost]>, TracerError> {
+        #[cfg(feature = "cpu")]
+        if self.host.is_last {
+            return Ok(Cow::Borrowed(self.host.renderer.first_costs()));
+        }
         Ok(self.renderer.output(Buffer::FirstCosts, "record of first costs")?)
     }
 }

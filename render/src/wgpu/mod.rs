@@ -17,6 +17,9 @@ mod undecided;
 pub use executor::{FrameJob, WgpuExecutor};
 pub use keyframes::{KEYFRAME_BYTES, Keyframes};
 pub use renderer::WgpuRenderer;
+pub(crate) use renderer::beyond_device;
+#[cfg(feature = "cpu")]
+pub(crate) use renderer::check_target;
 
 /// Limits of the queues of a frame on a device, for plans that are made before a renderer is.
 pub fn room(gpu: &splitplane_wgpu::Gpu) -> crate::Room {

@@ -10,7 +10,9 @@ use crate::frame::{FrameInput, FrameStats};
 use crate::kernel::{Buffer, Counter, Kernel, RayTracer, first_counters};
 use crate::layout::{Counters, FirstCost, FirstHit, Frame};
 use crate::plan::{Plan, Room};
+use crate::scene_data::SceneData;
 use crate::schedule;
+use crate::settings::{LightTransport, RenderSettings};
 use splitplane_core::ray::Accuracy;
 use splitplane_shaders::RenderFeatures;
 use splitplane_wgpu::device::readback::{READBACK, read};
@@ -20,6 +22,37 @@ use std::borrow::Cow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::time::Instant;
+
+/// Why the kernels of a device do not shade such frames; `None` where they do. The CPU may shade them and leave the rays to the device.
+pub(crate) fn beyond_device(scene: &SceneData, settings: &RenderSettings) -> Option<RenderError> {
+    if settings.light != LightTransport::Direct || settings.passes > 1 {
+        return Some(RenderError::LightOnDevice);
+    }
+    scene.environment().map(|_| RenderError::EnvironmentMapOnDevice)
+}
+
+/// Whether a buffer can hold the picture of a frame and has the usage by which it is written, given with its name.
+///
+/// # Errors
+/// [`RenderError::Target`], which says what is wrong with it.
+pub(crate) fn check_target(
+    target: &wgpu::Buffer,
+    input: &FrameInput<'_>,
+    (usage, name): (wgpu::BufferUsages, &str),
+) -> Result<(), RenderError> {
+    let wrong = |reason: String| Err(RenderError::Target { reason });
+    let needed = 4 * u64::from(input.size.pixels());
+    if !input.outputs.pixels {
+        return wrong("is given, but no picture is asked for".into());
+    }
+    if target.size() < needed {
+        return wrong(format!("has {} bytes; {needed} are needed", target.size()));
+    }
+    if !target.usage().contains(usage) {
+        return wrong(format!("lacks the usage {name}"));
+    }
+    Ok(())
+}
 
 /// Renders frames on a device, of trees that are there. Pipelines are compiled when a frame first
 /// needs them; buffers are kept between frames and grow only when a frame needs more than all
@@ -139,13 +172,10 @@ impl WgpuRenderer {
     pub fn plan(&self, input: &FrameInput<'_>) -> Result<Plan, RenderError> {
         let FrameInput { scene, size, settings, outputs, query, .. } = *input;
         let plan = Plan::new(scene, size, settings, outputs, self.room(query.accuracy))?;
-        if !plan.is_direct() || settings.passes > 1 {
-            return Err(RenderError::LightOnDevice);
+        match beyond_device(scene, settings) {
+            Some(error) => Err(error),
+            None => Ok(plan),
         }
-        if scene.environment().is_some() {
-            return Err(RenderError::EnvironmentMapOnDevice);
-        }
-        Ok(plan)
     }
 
     /// Renders a frame and waits for it. `tree` must be built over the mesh of `input`.
@@ -214,17 +244,7 @@ impl WgpuRenderer {
         tree: &DeviceTree,
         input: &FrameInput<'_>,
     ) -> Result<(), RenderError> {
-        let wrong = |reason: String| Err(RenderError::Target { reason });
-        let needed = 4 * u64::from(input.size.pixels());
-        if !input.outputs.pixels {
-            return wrong("is given, but no picture is asked for".into());
-        }
-        if target.size() < needed {
-            return wrong(format!("has {} bytes; {needed} are needed", target.size()));
-        }
-        if !target.usage().contains(wgpu::BufferUsages::STORAGE) {
-            return wrong("lacks the usage STORAGE".into());
-        }
+        check_target(target, input, (wgpu::BufferUsages::STORAGE, "STORAGE"))?;
         let plan = self.plan(input)?;
         self.buffers.set_target(Some(target));
         self.begin(tree, input, plan, false)
@@ -256,7 +276,7 @@ impl WgpuRenderer {
     }
 
     /// Nothing is under way or finished any more.
-    fn forget(&mut self) {
+    pub(crate) fn forget(&mut self) {
         self.pending = None;
         self.finished = None;
         self.brought.clear();

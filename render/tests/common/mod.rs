@@ -228,3 +228,20 @@ pub(crate) fn cornell() -> World {
 pub(crate) fn cornell_camera(size: Size) -> Pinhole {
     along_z([0.0, 0.0, 3.7], size, 0.36)
 }
+
+/// A room with all kinds of lights and surfaces, open to the front.
+pub(crate) fn everything() -> World {
+    let mut world = cornell();
+    world.materials.extend([
+        Material::new("glass", [0.0; 3]).with_dielectric(1.5, [0.9; 3]),
+        Material::new("metal", [0.1; 3]).with_mirror([0.7, 0.6, 0.5]).with_roughness(0.3),
+    ]);
+    ball(&mut world, 4, [0.5, -0.4, 0.4], 0.3, false);
+    world.block(5, [0.4, -0.999, -0.8], [0.8, -0.1, -0.4]);
+    world.lights = vec![
+        Light::Point { position: [0.7, 0.5, 0.7], irradiance: [1.0, 0.5, 2.0], distance: 1.0 },
+        Light::Point { position: [0.0, 3.0, 9.0], irradiance: [2.0; 3], distance: 9.0 },
+        Light::Directional { towards: [1.0, 2.0, 5.0], irradiance: [1.0, 2.0, 1.0] },
+    ];
+    world
+}

@@ -2,17 +2,14 @@
 
 use super::bounce::{Map, Photon};
 use super::density::{Disks, irradiance};
+use super::tree::{PhotonTree, PointTrees};
 use crate::error::RenderError;
 use crate::layout::{Frame, Path, Surface};
 use crate::vector::{Vector, add, mul};
 use rayon::prelude::*;
 use splitplane_core::points::build::PointOptions;
-use splitplane_core::points::nearest::{NearestOptions, Neighbour};
+use splitplane_core::points::nearest::Neighbour;
 use splitplane_core::watch::Watch;
-use splitplane_cpu::CpuPointTree;
-
-/// Surfaces that look up photons at a time.
-const QUERIES: usize = 1 << 13;
 
 /// Photons as they are stored, before their tree is built.
 #[derive(Debug, Default)]
@@ -24,7 +21,7 @@ pub(super) struct Stored {
 /// The maps of a pass; those without photons are missing.
 #[derive(Debug)]
 pub(crate) struct Maps {
-    maps: [Option<(CpuPointTree<3>, Vec<Photon>)>; 2],
+    maps: [Option<(PhotonTree, Vec<Photon>)>; 2],
     disks: Disks,
     neighbours: usize,
 }
@@ -33,8 +30,9 @@ impl Maps {
     /// Builds the trees.
     ///
     /// # Errors
-    /// More bytes than allowed, or a watch that cancels.
+    /// More bytes than allowed, a watch that cancels, or a device that fails.
     pub(super) fn new(
+        trees: &PointTrees,
         stored: [Stored; 2],
         disks: Disks,
         neighbours: u32,
@@ -45,7 +43,7 @@ impl Maps {
             if photons.is_empty() {
                 return Ok(None);
             }
-            Ok(Some((CpuPointTree::build(&places, &options)?, photons)))
+            Ok(Some((trees.build(&places, &options)?, photons)))
         };
         let [caustics, global] = stored;
         let maps = [build(caustics)?, build(global)?];
@@ -55,7 +53,7 @@ impl Maps {
     /// Adds the light of photons to that of the surfaces that ask for it.
     ///
     /// # Errors
-    /// A watch that cancels, or no memory.
+    /// A watch that cancels, no memory, or a device that fails.
     pub(crate) fn light(
         &self,
         frame: &Frame,
@@ -63,12 +61,6 @@ impl Maps {
         surfaces: &mut [Surface],
         watch: Option<&dyn Watch>,
     ) -> Result<(), RenderError> {
-        let options = NearestOptions {
-            k: self.neighbours,
-            max_distance: self.disks.reach,
-            watch,
-            ..NearestOptions::default()
-        };
         let flags = [(Map::Caustics, Surface::CAUSTICS), (Map::Global, Surface::GLOBAL)];
         let (mut asking, mut queries) = (Vec::new(), Vec::new());
         let mut found = Vec::new();
@@ -77,11 +69,11 @@ impl Maps {
             asking.clear();
             let asks = |(_, surface): &(usize, &Surface)| surface.flags & flag != 0;
             asking.extend(surfaces.iter().enumerate().filter(asks).map(|(place, _)| place as u32));
-            for some in asking.chunks(QUERIES) {
+            for some in asking.chunks(tree.queries(self.neighbours)) {
                 queries.clear();
                 queries.extend(some.iter().map(|&place| surfaces[place as usize].point));
                 found.resize(some.len() * self.neighbours, Neighbour::NONE);
-                tree.nearest(&queries, &mut found, &options)?;
+                tree.nearest(&queries, &mut found, (self.neighbours, self.disks, watch))?;
                 let lit: Vec<Vector> = some
                     .par_iter()
                     .zip(found.par_chunks(self.neighbours))

@@ -7,7 +7,9 @@ mod emission;
 mod maps;
 mod report;
 mod trace;
+mod tree;
 
 pub(crate) use maps::Maps;
 pub use report::{PhotonEnergy, PhotonReport};
 pub(crate) use trace::{Tracing, trace};
+pub(crate) use tree::PointTrees;

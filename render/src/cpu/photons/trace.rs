@@ -5,6 +5,7 @@ use super::density::{Disks, REACH, shrink};
 use super::emission::{Ball, Sources, emit};
 use super::maps::{Maps, Stored};
 use super::report::{PhotonEnergy, PhotonReport, add_to, of};
+use super::tree::PointTrees;
 use crate::cpu::traced::Traced;
 use crate::error::RenderError;
 use crate::layout::Path;
@@ -32,6 +33,7 @@ pub(crate) struct Tracing<'a, W> {
     pub(crate) traced: Traced<'a>,
     pub(crate) plan: &'a Plan,
     pub(crate) query: QueryOptions<'a>,
+    pub(crate) trees: &'a PointTrees,
 }
 
 /// What a chunk of photons gives.
@@ -52,7 +54,7 @@ pub(crate) fn trace<W: World>(
     pass: u32,
     report: &mut PhotonReport,
 ) -> Result<Option<Maps>, RenderError> {
-    let Tracing { scene, world, plan, query, .. } = tracing;
+    let Tracing { scene, world, plan, query, trees, .. } = tracing;
     let settings = plan.settings();
     let Some(ball) = Ball::around(&tracing.bounds) else { return Ok(None) };
     let sources = Sources::new(scene, *world, ball, plan.photons());
@@ -88,7 +90,7 @@ pub(crate) fn trace<W: World>(
     report.global += global.photons.len() as u64;
     let disks = Disks { reach: ball.radius * REACH, part: shrink(pass), power: ball.power };
     let limits = (plan.buffer_bytes(), query.watch);
-    Maps::new(stored, disks, settings.neighbours, limits).map(Some)
+    Maps::new(trees, stored, disks, settings.neighbours, limits).map(Some)
 }
 
 /// Follows photons to what they meet next, and gives those that go on.
