@@ -15,8 +15,8 @@ use std::process::{Command, ExitCode, Stdio};
 use std::time::Duration;
 
 use splitplane_shaders::{
-    CHECKS, COMPRESS, KERNELS, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_RETRIES,
-    RENDER_SETTLES, find,
+    CHECKS, COMPRESS, KERNELS, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_COMPRESSED,
+    RENDER_RETRIES, RENDER_SETTLES, find,
 };
 use splitplane_wgpu::{Gpu, OpenOptions};
 
@@ -88,6 +88,7 @@ fn all(adapter: &str, key: &str, rest: &[String]) -> Result<bool, Box<dyn Error>
         POINT_BUILD,
         POINTS,
         RENDER,
+        RENDER_COMPRESSED,
         RENDER_RETRIES,
         RENDER_SETTLES,
         CHECKS,

@@ -12,8 +12,8 @@ use std::path::Path;
 
 use naga::back::{hlsl, msl, spv};
 use splitplane_shaders::{
-    CHECKS, COMPRESS, KERNELS, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_RETRIES,
-    RENDER_SETTLES, Shader,
+    CHECKS, COMPRESS, KERNELS, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_COMPRESSED,
+    RENDER_RETRIES, RENDER_SETTLES, Shader,
 };
 
 use source::{Parsed, Text, texts};
@@ -30,6 +30,7 @@ fn shaders() -> impl Iterator<Item = &'static Shader> {
         POINT_BUILD,
         POINTS,
         RENDER,
+        RENDER_COMPRESSED,
         RENDER_RETRIES,
         RENDER_SETTLES,
         CHECKS,
