@@ -88,8 +88,9 @@ pub fn check_transforms(transforms: &[Transform], greatest: f32) -> Result<(), M
     for (transform, rows) in transforms.iter().enumerate() {
         for [x, y, z, by] in rows {
             let [x, y, z, by] = [x, y, z, by].map(|m| f64::from(m.abs()));
-            // Above every partial sum, rounded or not. False for what is no number.
-            if !((x + y + z) * f64::from(greatest) + by <= FARTHEST) {
+            // Above every partial sum, rounded or not.
+            let reach = (x + y + z) * f64::from(greatest) + by;
+            if !reach.is_finite() || reach > FARTHEST {
                 return Err(MoveError::Transform { transform });
             }
         }
