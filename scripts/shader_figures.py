@@ -25,7 +25,8 @@ FIGURES = pathlib.Path(__file__).resolve().parent.parent / "docs/measurements/sh
 PROMISED = {"swiftshader.seconds": 5.0, "swiftshader.mib": 1024}
 # And for those that trace the plain case.
 LEAN = ["closest_hit", "any_hit", "closest_hit_compressed", "any_hit_compressed", "closest_hits", "shadow_hits",
-        "shadow_hits_through_glass", "enter_instances"]
+        "shadow_hits_through_glass", "closest_hits_compressed", "shadow_hits_compressed",
+        "shadow_hits_through_glass_compressed", "enter_instances"]
 # These too, and take a ray into an instance's space besides.
 LEAN_IN_INSTANCES = ["trace_instances"]
 LEAN_PROMISED = {

@@ -15,8 +15,8 @@ use std::process::{Command, ExitCode, Stdio};
 use std::time::Duration;
 
 use splitplane_shaders::{
-    CHECKS, COMPRESS, KERNELS, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_RETRIES,
-    RENDER_SETTLES, find,
+    CHECKS, COMPRESS, KERNELS, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_COMPRESSED,
+    RENDER_RETRIES, RENDER_SETTLES, find,
 };
 use splitplane_wgpu::{Gpu, OpenOptions};
 
@@ -89,6 +89,7 @@ fn all(adapter: &str, key: &str, rest: &[String]) -> Result<bool, Box<dyn Error>
         POINTS,
         NEAR,
         RENDER,
+        RENDER_COMPRESSED,
         RENDER_RETRIES,
         RENDER_SETTLES,
         CHECKS,

@@ -23,7 +23,9 @@ use crate::builder::capacities::Capacities;
 use crate::builder::executor::first_counters;
 use crate::builder::shared::Shared;
 use crate::builder::source::Source;
-use crate::builder::{DeviceBuild, DeviceMesh, PendingBuild, WgpuExecutor};
+use crate::builder::{
+    DeviceBuild, DeviceMesh, MovedMesh, MovedMeshError, PendingBuild, WgpuExecutor,
+};
 use crate::device::gpu::Gpu;
 use crate::device::host;
 use crate::device::wait::{Wait, blocking};
@@ -213,6 +215,20 @@ impl WgpuBackend {
         options: &BuildOptions<'_>,
     ) -> Result<PendingBuild, BuildError> {
         self.submit(&Source::Device(*mesh), options, false, false)
+    }
+
+    /// Sends a mesh to the device, where a kernel then moves its vertices by groups: see [`MovedMesh::place`]. `group_of` has the group of
+    /// each vertex, a number below `groups`.
+    ///
+    /// # Errors
+    /// A vertex without a group, or whose coordinates are not finite; more than the device can bind or hold.
+    pub fn moved_mesh(
+        &self,
+        mesh: &Mesh<'_>,
+        group_of: &[u32],
+        groups: usize,
+    ) -> Result<MovedMesh, MovedMeshError> {
+        MovedMesh::new(&self.shared, mesh, group_of, groups)
     }
 
     fn submit(

@@ -16,7 +16,10 @@ pub use device::{Traffic, adapters, gpu};
 
 pub use adapters::{AdapterReport, Adapters, adapters};
 pub use backend::WgpuBackend;
-pub use builder::{DeviceBuild, DeviceMesh, Effort, KernelTime, PendingBuild, WgpuExecutor};
+pub use builder::{
+    DeviceBuild, DeviceMesh, Effort, KernelTime, MiddleStage, MovedMesh, MovedMeshError,
+    PendingBuild, WgpuExecutor,
+};
 #[doc(hidden)]
 pub use device::bounded::private_memory_of;
 pub use device::health::panic_is_caught;

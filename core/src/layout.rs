@@ -17,7 +17,8 @@ pub use points::{
     SMALL_HEIGHT,
 };
 pub use queries::{
-    BatchUniform, CheckParameters, SceneBatch, SceneUniform, TriangleCount, culling_bits,
+    BatchUniform, CheckParameters, SceneBatch, SceneUniform, TriangleCount, VertexCount,
+    culling_bits,
 };
 
 /// A reference to a triangle from one node: the bounds of the triangle's part in the node. 32

@@ -1,7 +1,9 @@
 //! The kernel set of the ray tracer: the ABI between its schedule and its executors, as
 //! `splitplane_core::kernel` is the tree builder's.
 
+use splitplane_core::kernel::{Binding, Slot};
 use splitplane_core::kernel_set;
+use splitplane_core::query::compressed::CompressedNode;
 use splitplane_core::ray::{Hit, Ray};
 use splitplane_core::tree::node::KdNode;
 
@@ -54,6 +56,11 @@ kernel_set! {
         Nodes "nodes", size_of::<KdNode>();
         /// The tree's references. The tree's own.
         LeafReferences "leaf_references", 4;
+        /// Compressed nodes of the tree: [`CompressedNode`](splitplane_core::query::compressed::CompressedNode). The tree's own, where a device
+        /// holds some: no kernel names them in this table, see [`of_compressed`].
+        CompressedNodes "compressed_nodes", size_of::<CompressedNode>();
+        /// The references of compressed nodes. The tree's own, likewise.
+        CompressedReferences "compressed_references", 4;
         /// Corners by triangle index, as the tree builder snapped them: 9 `f32`. The tree's own.
         Triangles "triangles", 36;
         /// Materials, lights, normals and textures, as words: see [`scene_data`](crate::scene_data).
@@ -141,6 +148,18 @@ impl Kernel {
     pub fn traces(self) -> bool {
         self.bindings().any(|binding| binding.buffer == Buffer::Nodes)
     }
+}
+
+/// What the shader of a kernel binds that goes through compressed nodes, in the place of what the kernel binds: compressed nodes
+/// and their references instead of the tree's, and otherwise the same. What finishes the kernel's work binds the tree's.
+pub fn of_compressed(slot: Slot<RayTracer>) -> Slot<RayTracer> {
+    let Slot::Storage(Binding { buffer, access }) = slot else { return slot };
+    let buffer = match buffer {
+        Buffer::Nodes => Buffer::CompressedNodes,
+        Buffer::LeafReferences => Buffer::CompressedReferences,
+        other => other,
+    };
+    Slot::Storage(Binding { buffer, access })
 }
 
 impl Buffer {

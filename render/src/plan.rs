@@ -364,7 +364,10 @@ impl Plan {
             Buffer::Pixels => when(self.outputs.pixels, pixels),
             Buffer::Triangles => self.triangles,
             // These are the tree's; the frame does not determine how many there are.
-            Buffer::Nodes | Buffer::LeafReferences => 0,
+            Buffer::Nodes
+            | Buffer::LeafReferences
+            | Buffer::CompressedNodes
+            | Buffer::CompressedReferences => 0,
             Buffer::Deferred if self.undecided => {
                 DEFERRED_HEAD + (1 + UNDECIDED_WORDS) * self.path_room.max(self.shadow_room)
             }

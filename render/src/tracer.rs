@@ -305,6 +305,22 @@ impl Tracer {
         on!(&self.on, on => on.shading(&self.appearance, settings))
     }
 
+    /// Whether trees on a GPU get compressed wide nodes from now on, the tree that is there included: frames of accuracy
+    /// `watertight` then go through these, with the same pictures, bit for bit. The device makes them after each build, for which
+    /// a call waits once more; 32 bytes come back. Where coordinates leave the range of lean kernels there are none. Does nothing on the
+    /// CPU.
+    ///
+    /// # Errors
+    /// More references than such nodes can name, or a device that fails; the choice is then what it was.
+    #[cfg(feature = "wgpu")]
+    pub fn set_compressed(&mut self, compressed: bool) -> Result<(), TracerError> {
+        match &mut self.on {
+            On::Gpu(on) => on.set_compressed(compressed),
+            #[cfg(feature = "cpu")]
+            On::Cpu(_) => Ok(()),
+        }
+    }
+
     /// How a frame would be rendered: steps, queues and bytes.
     ///
     /// # Errors

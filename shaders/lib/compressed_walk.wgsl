@@ -2,7 +2,8 @@
 // that are not plain, triangles that take a closer look, and stacks that are too deep are deferred to a shader that
 // walks the tree itself: the hits are the same.
 //
-// The stack stands in box_stack.wgsl; what is done with triangles in search.wgsl.
+// The stack stands in box_stack.wgsl; what is done with triangles in search.wgsl; whether a ray passes what it meets in
+// one_hit.wgsl or through_glass.wgsl.
 
 // Where the walk is at no node.
 const NO_NODE: u32 = 0xffffffffu;
@@ -164,7 +165,7 @@ fn child_of(node: u32, place: u32) -> NextPlace {
 // The hit of a ray; `any` ends the walk at the first. A driver that ends loops early is noticed, as in traverse.wgsl.
 fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
     opaque_zero = scene.zero;
-    let prepared = prepare_ray(ray);
+    var prepared = prepare_ray(ray);
     // Keys are in order for rays that do not reach behind their origin.
     if is_deferred() || (prepared.some && prepared.least_key < 0x80000000u) {
         return Hit(GREATEST, DEFERRED, 0.0, 0.0);
@@ -211,7 +212,15 @@ fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
         at = NO_NODE;
         top -= STACK_STEP;
         if top < STACK_STEP {
-            break;
+            if !passes(search) {
+                break;
+            }
+            // Once more from the root, for what lies behind. The near limit only grows: keys stay in order.
+            prepared = passed(prepared, search);
+            search = new_search();
+            top = stack_start();
+            at = 0u;
+            continue;
         }
         let entry = stack_entry(top);
         let key = entry.x;

@@ -16,10 +16,12 @@ pub use embed::{
     TRAVERSAL_BINDING_COUNT, TriangleTest, filtered_traversal, traversal, traversal_bindings,
 };
 pub use query::query;
-pub use render::{RenderFeatures, has_tail, render_parts, render_retry, render_settle};
+pub use render::{
+    RenderFeatures, has_tail, render_compressed, render_parts, render_retry, render_settle,
+};
 pub use table::{
-    CHECKS, COMPRESS, KERNELS, LIBRARY, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_RETRIES,
-    RENDER_SETTLES,
+    CHECKS, COMPRESS, KERNELS, LIBRARY, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER,
+    RENDER_COMPRESSED, RENDER_RETRIES, RENDER_SETTLES,
 };
 
 use alloc::string::String;
@@ -72,6 +74,7 @@ pub fn find(name: &str) -> Option<&'static Shader> {
         POINTS,
         NEAR,
         RENDER,
+        RENDER_COMPRESSED,
         RENDER_RETRIES,
         RENDER_SETTLES,
         CHECKS,

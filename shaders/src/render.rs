@@ -3,7 +3,9 @@
 use alloc::vec::Vec;
 
 use crate::embed::TriangleTest;
-use crate::table::{MESH, RENDER, RENDER_RETRIES, RENDER_SETTLES, SCENE_WORDS, SUBSTITUTES};
+use crate::table::{
+    MESH, RENDER, RENDER_COMPRESSED, RENDER_RETRIES, RENDER_SETTLES, SCENE_WORDS, SUBSTITUTES,
+};
 use crate::{Part, Shader};
 
 /// What a shader of the ray tracer must be able to do. Pictures do not depend on it, as long as it
@@ -23,6 +25,9 @@ pub struct RenderFeatures {
     /// Triangles that two bindings hold. Kernels that have a binding to spare take the second one; for the others
     /// ([`has_tail`]) what does not fit stands behind the words of the scene.
     pub by_halves: bool,
+    /// Compressed nodes: kernels that have a shader for them ([`render_compressed`]) take it in place of their own. With the
+    /// watertight test only.
+    pub compressed: bool,
 }
 
 impl RenderFeatures {
@@ -34,13 +39,14 @@ impl RenderFeatures {
         dielectrics: true,
         test: TriangleTest::Watertight,
         by_halves: false,
+        compressed: false,
     };
 }
 
 /// The parts of a kernel of the ray tracer, without those that `features` does not ask for; `None` for
 /// a name that no kernel has. Joined they are the shader: see [`join`](crate::join).
 pub fn render_parts(kernel: &str, features: &RenderFeatures) -> Option<Vec<Part>> {
-    let all = RENDER.iter().chain(RENDER_RETRIES).chain(RENDER_SETTLES);
+    let all = [RENDER, RENDER_COMPRESSED, RENDER_RETRIES, RENDER_SETTLES].into_iter().flatten();
     let shader = { all }.find(|shader| shader.name == kernel)?;
     let substitutes = [
         (features.textures, &SUBSTITUTES.textures[..]),
@@ -66,6 +72,13 @@ pub fn render_parts(kernel: &str, features: &RenderFeatures) -> Option<Vec<Part>
 /// scene too, behind which these stand.
 pub fn has_tail(shader: &Shader) -> bool {
     [MESH, SCENE_WORDS].iter().all(|part| shader.parts.contains(part))
+}
+
+/// The name of the shader that stands in this kernel's place where the tree has compressed nodes, if there is one. It finds
+/// hits by the watertight test alone, and binds compressed nodes and their references where the kernel binds the tree's.
+pub fn render_compressed(kernel: &str) -> Option<&'static str> {
+    let is_compressed = |shader: &&Shader| shader.name.strip_suffix("_compressed") == Some(kernel);
+    RENDER_COMPRESSED.iter().find(is_compressed).map(|shader| shader.name)
 }
 
 /// The name of the shader that finishes what this kernel leaves to it, if there is one.
@@ -103,6 +116,7 @@ mod tests {
             dielectrics: false,
             test: TriangleTest::MoellerTrumbore,
             by_halves: false,
+            compressed: false,
         };
         let text = |kernel| join(&render_parts(kernel, &plain).unwrap());
         let shade = text("shade");

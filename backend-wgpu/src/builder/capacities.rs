@@ -5,6 +5,7 @@ use splitplane_core::config::{BuildConfig, CHUNK, Planes};
 use splitplane_core::kernel::{Buffer, Counter, Overflow};
 use splitplane_core::layout::{Counters, Parameters};
 
+use super::middle_stage::MiddleStage;
 use crate::device::halves::{self, binding_limit, halves_limit};
 use crate::error::GpuError;
 
@@ -128,6 +129,23 @@ impl Capacities {
             middle_leaves: most(Buffer::MiddleLeaves, self.middle_leaves, 2),
             ..self
         }
+    }
+
+    /// Why a device with these limits has no middle stage: it works on whole lists in single bindings.
+    pub(crate) fn too_long_for_middle_stage(&self, limits: &wgpu::Limits) -> Option<MiddleStage> {
+        let (allowed, _) = binding_limit(limits);
+        let with_stage = Capacities { middle: true, ..*self };
+        let own = [Buffer::MiddleReferences, Buffer::MiddleNodes, Buffer::MiddleLeaves];
+        // Where one list is bound by halves all of its kind are, those that one binding would hold too.
+        let of_levels = LONG.into_iter().filter(|_| self.by_halves);
+        let bytes = |buffer: &Buffer| with_stage.bytes_of(*buffer);
+        let list = own.into_iter().chain(of_levels).max_by_key(bytes)?;
+        let needed = bytes(&list);
+        (self.by_halves || needed > allowed).then_some(MiddleStage::TooLong {
+            list,
+            needed,
+            allowed,
+        })
     }
 
     /// The same without a middle stage.
@@ -362,9 +380,8 @@ impl Capacities {
             return Err(beyond(Buffer::Input, self.input_bytes / 4));
         }
         self = self.with_bounds(config);
-        // The middle stage works on whole lists in single bindings. It can be left out.
-        let whole = [Buffer::MiddleReferences, Buffer::MiddleNodes, Buffer::MiddleLeaves];
-        if self.by_halves || whole.into_iter().any(|buffer| self.bytes_of(buffer) > one_binding.0) {
+        // It can be left out.
+        if self.middle && self.too_long_for_middle_stage(limits).is_some() {
             self.middle = false;
         }
         if self.binned {

@@ -19,6 +19,7 @@ use splitplane_core::watch::{Progress, Stage, Watch};
 use super::buffers::{Buffers, POOL_AT_START};
 use super::capacities::Capacities;
 use super::executor::{Build, WgpuExecutor, first_counters};
+use super::middle_stage::MiddleStage;
 use super::shared::{Pooled, Shared};
 use super::source::Source;
 use crate::device::deferred::Mark;
@@ -40,8 +41,10 @@ pub struct Effort {
     pub dispatches: u32,
     /// Workgroups of the largest dispatch of the schedule.
     pub most_workgroups: u32,
-    /// Builds restarted with greater capacities.
+    /// Builds restarted with greater capacities, or without a middle stage that was void.
     pub repeats: u32,
+    /// What became of the middle stage.
+    pub middle_stage: MiddleStage,
 }
 
 /// A build that was submitted and may not be done. Old trees can be queried meanwhile: no buffer of
@@ -97,10 +100,14 @@ impl PendingBuild {
         let was_pooled = pooled.is_some();
         let input_bytes = position_bytes + index_bytes;
         let estimate = Capacities::estimate(triangles, &options.config).with_middle_stage();
-        let estimate = Capacities { input_bytes, ..estimate };
+        let mut estimate = Capacities { input_bytes, ..estimate };
         let mut capacities = estimate;
         let mut levels = options.config.max_depth + 1;
         let mut spare_levels = 0;
+        let mut effort = Effort::default();
+        if estimate.middle {
+            effort.middle_stage = MiddleStage::Finished;
+        }
         let buffers = match pooled {
             Some(pooled) => {
                 // The capacities that an earlier build needed are there already.
@@ -111,7 +118,11 @@ impl PendingBuild {
                     levels = levels.min(pooled.levels + spare_levels);
                     capacities.by_halves = pooled.capacities.by_halves;
                     // Where the middle stage could not finish such a build, the next one does without.
-                    capacities.middle &= pooled.capacities.middle;
+                    if pooled.middle_was_void && estimate.middle {
+                        estimate = estimate.without_middle_stage();
+                        capacities = capacities.without_middle_stage();
+                        effort.middle_stage = MiddleStage::KnownVoid;
+                    }
                 }
                 pooled.buffers
             }
@@ -131,7 +142,7 @@ impl PendingBuild {
             mapped: Arc::new(AtomicU8::new(WAITING)),
             bell: Bell::default(),
             from,
-            effort: Effort::default(),
+            effort,
             shared,
         };
         match pending.reserve(None) {
@@ -139,6 +150,7 @@ impl PendingBuild {
             Err(BuildError::OutOfMemory { .. }) if was_pooled => {
                 pending.buffers = Some(Buffers::new(&pending.shared.gpu)?);
                 pending.capacities = estimate;
+                pending.effort = effort;
                 pending.reserve(None)?;
             }
             reserved => reserved?,
@@ -166,13 +178,20 @@ impl PendingBuild {
     fn reserve(&mut self, needed: Option<&Capacities>) -> Result<(), BuildError> {
         let gpu = &self.shared.gpu;
         let limits = gpu.device().limits();
-        self.capacities = self.capacities.within(&limits, needed, &self.options.config)?;
+        let before = self.capacities;
+        self.capacities = before.within(&limits, needed, &self.options.config)?;
+        if before.middle && !self.capacities.middle {
+            let why = self.capacities.too_long_for_middle_stage(&limits);
+            self.effort.middle_stage = why.unwrap_or_default();
+        }
         if let Some(limit) = self.options.max_memory {
             if self.needed_bytes() > limit {
                 // This only costs time: subtrees that are not kept are built twice.
                 self.capacities.subtrees = 0;
             }
-            if self.needed_bytes() > limit {
+            if self.capacities.middle && self.needed_bytes() > limit {
+                let needed = self.needed_bytes();
+                self.effort.middle_stage = MiddleStage::OutOfMemory { needed, limit };
                 self.capacities = self.capacities.without_middle_stage();
             }
             let needed = self.needed_bytes();
@@ -367,10 +386,21 @@ impl PendingBuild {
             let BuildOptions { config, .. } = self.options;
             let (capacities, levels) = (self.capacities, config.max_depth + 1);
             let triangles = self.capacities.triangles;
-            let spare_levels = self.spare_levels;
-            let pooled = Pooled { buffers, capacities, triangles, config, levels, spare_levels };
-            self.shared.keep_buffers(pooled);
+            self.shared.keep_buffers(Pooled {
+                buffers,
+                capacities,
+                triangles,
+                config,
+                levels,
+                middle_was_void: self.middle_was_void(),
+                spare_levels: self.spare_levels,
+            });
         }
+    }
+
+    /// Whether the middle stage was void, now or before.
+    fn middle_was_void(&self) -> bool {
+        matches!(self.effort.middle_stage, MiddleStage::Void | MiddleStage::KnownVoid)
     }
 
     /// The device work so far.

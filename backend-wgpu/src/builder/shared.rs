@@ -73,6 +73,8 @@ pub(crate) struct Pooled {
     pub triangles: u32,
     pub config: BuildConfig,
     pub levels: u32,
+    /// Whether the middle stage was void, in the last build or in one before of as many triangles by the same configuration.
+    pub middle_was_void: bool,
     /// Levels that a further build records beyond these.
     pub spare_levels: u32,
 }

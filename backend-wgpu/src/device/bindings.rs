@@ -81,11 +81,11 @@ pub(crate) fn bind<'a, K: DeviceSet>(
 }
 
 /// The bind groups of a set's kernels that were made so far: while the lists of this round and the
-/// next are in their original places, and while they have changed places, each for every view of long lists.
-/// They hold as long as the buffers do.
+/// next are in their original places, and while they have changed places, each for every view of long lists, and for a kernel's
+/// own shader apart from the others where it binds other buffers. They hold as long as the buffers do.
 #[derive(Debug)]
 pub struct BindGroups<K> {
-    /// By kernel, then two for each view.
+    /// By kernel, then four for each view.
     groups: Vec<Vec<Option<BindGroup>>>,
     set: PhantomData<K>,
 }
@@ -107,15 +107,16 @@ impl<K: KernelSet> BindGroups<K> {
         self.groups[K::kernel_index(kernel)].clear();
     }
 
-    /// The place of one of a kernel's bind groups.
+    /// The place of one of a kernel's bind groups: `own` for that of its own shader where this binds other buffers.
     pub(super) fn place(
         &mut self,
         kernel: K::Kernel,
         swapped: bool,
         view: u32,
+        own: bool,
     ) -> &mut Option<BindGroup> {
         let groups = &mut self.groups[K::kernel_index(kernel)];
-        let index = 2 * view as usize + usize::from(swapped);
+        let index = 4 * view as usize + 2 * usize::from(own) + usize::from(swapped);
         if groups.len() <= index {
             groups.resize(index + 1, None);
         }

@@ -163,8 +163,8 @@ pub struct DeviceExecutor<'a, J: Job> {
     job: J,
     loops: LoopControl,
     profile: Option<&'a mut Profile<J::Set>>,
-    /// By kernel, once it was needed: its own, and what finishes what that leaves.
-    compiled: Vec<Option<Vec<Compiled>>>,
+    /// By kernel, once it was needed.
+    shaders: Vec<Option<Shaders>>,
     pieces: Vec<Piece>,
     encoder: Option<wgpu::CommandEncoder>,
     pass: Option<wgpu::ComputePass<'static>>,
@@ -175,6 +175,15 @@ pub struct DeviceExecutor<'a, J: Job> {
     /// Most workgroups of a dispatch, where a caller limits them, and of any so far.
     max_workgroups: Option<NonZeroU32>,
     most_workgroups: u32,
+}
+
+/// The shaders of a kernel.
+#[derive(Clone, Debug)]
+struct Shaders {
+    /// Its own, and what finishes what that leaves.
+    compiled: Vec<Compiled>,
+    /// Whether its own binds other buffers than the rest.
+    own_bindings: bool,
 }
 
 impl<'a, J: Job> DeviceExecutor<'a, J> {
@@ -191,7 +200,7 @@ impl<'a, J: Job> DeviceExecutor<'a, J> {
             job,
             loops,
             profile: None,
-            compiled: vec![None; J::Set::KERNELS.len()],
+            shaders: vec![None; J::Set::KERNELS.len()],
             pieces: Vec::new(),
             encoder: None,
             pass: None,
@@ -310,17 +319,30 @@ impl<'a, J: Job> DeviceExecutor<'a, J> {
     }
 
     /// The shaders of a kernel, in their order; there is at least one.
-    fn compiled(&mut self, kernel: SetKernel<J>) -> Result<Vec<Compiled>, GpuError> {
+    fn shaders(&mut self, kernel: SetKernel<J>) -> Result<Shaders, GpuError> {
         let place = J::Set::kernel_index(kernel);
-        if let Some(compiled) = &self.compiled[place] {
-            return Ok(compiled.clone());
+        if let Some(shaders) = &self.shaders[place] {
+            return Ok(shaders.clone());
         }
         let (gpu, variant) = (self.gpu, self.job.variant());
         let own = self.pipelines.get::<J::Set>(gpu, kernel, variant)?;
         let retry = self.pipelines.get_retry::<J::Set>(gpu, kernel, variant)?;
         let settle = self.pipelines.get_settle::<J::Set>(gpu, kernel, variant)?;
-        let all = [Some(own), retry, settle].into_iter().flatten().collect();
-        Ok(self.compiled[place].insert(all).clone())
+        let compiled = [Some(own), retry, settle].into_iter().flatten().collect();
+        let own_bindings = J::Set::own_bindings(kernel, variant).is_some();
+        Ok(self.shaders[place].insert(Shaders { compiled, own_bindings }).clone())
+    }
+
+    /// A bind group for each of these views: for a kernel's own shader where that binds other buffers than the rest, or for all that
+    /// bind the same.
+    fn groups(
+        &mut self,
+        kernel: SetKernel<J>,
+        layout: &wgpu::BindGroupLayout,
+        views: &[u32],
+        own: bool,
+    ) -> Result<Vec<wgpu::BindGroup>, GpuError> {
+        views.iter().map(|&view| self.group(kernel, layout, view, own)).collect()
     }
 
     fn group(
@@ -328,12 +350,17 @@ impl<'a, J: Job> DeviceExecutor<'a, J> {
         kernel: SetKernel<J>,
         layout: &wgpu::BindGroupLayout,
         view: u32,
+        own: bool,
     ) -> Result<wgpu::BindGroup, GpuError> {
         let swapped = self.swapped;
-        if let Some(group) = self.job.groups().place(kernel, swapped, view) {
+        if let Some(group) = self.job.groups().place(kernel, swapped, view, own) {
             return Ok(group.clone());
         }
-        let bound = J::Set::bindings(kernel, self.job.variant());
+        let variant = self.job.variant();
+        let bound = match J::Set::own_bindings(kernel, variant) {
+            Some(bound) if own => bound,
+            _ => J::Set::bindings(kernel, variant),
+        };
         let counted = self.pipelines.counted();
         let find = |bound: &Bound<J::Set>| match bound.slot {
             Slot::Uniform(uniform) => self.job.uniform(uniform),
@@ -343,7 +370,7 @@ impl<'a, J: Job> DeviceExecutor<'a, J> {
             }
         };
         let group = bind::<J::Set>(self.gpu, layout, kernel, &bound, counted, find)?;
-        Ok(self.job.groups().place(kernel, swapped, view).insert(group).clone())
+        Ok(self.job.groups().place(kernel, swapped, view, own).insert(group).clone())
     }
 }
 
@@ -361,13 +388,16 @@ impl<J: Job> Executor<J::Set> for DeviceExecutor<'_, J> {
 
     fn dispatch(&mut self, kernel: SetKernel<J>) -> Result<(), J::Error> {
         // All that can fail comes before the pass is opened.
-        let compiled = self.compiled(kernel)?;
+        let Shaders { compiled, own_bindings } = self.shaders(kernel)?;
         self.pieces.clear();
         self.job.pieces(kernel, self.swapped, &mut self.pieces);
         let views: Vec<u32> = self.pieces.iter().map(|piece| piece.view).collect();
-        let groups: Result<Vec<wgpu::BindGroup>, GpuError> =
-            views.into_iter().map(|view| self.group(kernel, &compiled[0].layout, view)).collect();
-        let groups = groups?;
+        let layout = &compiled[0].layout;
+        let first = self.groups(kernel, layout, &views, own_bindings)?;
+        let rest = match own_bindings && compiled.len() > 1 {
+            true => Some(self.groups(kernel, layout, &views, false)?),
+            false => None,
+        };
         if self.profile.is_some() {
             self.pass = None;
         }
@@ -384,9 +414,10 @@ impl<J: Job> Executor<J::Set> for DeviceExecutor<'_, J> {
         }
         let pass = self.pass.as_mut().expect("opened above");
         let most = self.max_workgroups.map_or(u32::MAX, NonZeroU32::get);
-        for compiled in &compiled {
+        for (place, compiled) in compiled.iter().enumerate() {
             pass.set_pipeline(&compiled.pipeline);
-            for (piece, group) in self.pieces.iter().zip(&groups) {
+            let groups = rest.as_ref().filter(|_| place > 0).unwrap_or(&first);
+            for (piece, group) in self.pieces.iter().zip(groups) {
                 let workgroups = piece.workgroups.min(most);
                 self.most_workgroups = self.most_workgroups.max(workgroups);
                 pass.set_bind_group(0, group, piece.block.as_slice());

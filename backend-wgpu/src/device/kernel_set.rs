@@ -30,6 +30,12 @@ pub trait DeviceSet: KernelSet {
         as_declared::<Self>(kernel).collect()
     }
 
+    /// What a kernel's own shader binds where that is not what its other shaders bind: other buffers under the same numbers, of
+    /// the same kinds. `None` where all of them bind the same.
+    fn own_bindings(_kernel: Self::Kernel, _variant: &Self::Variant) -> Option<Vec<Bound<Self>>> {
+        None
+    }
+
     /// Whether a uniform is a list of blocks, of which each dispatch takes one by a dynamic offset.
     fn is_list_of_blocks(_uniform: Self::Uniform) -> bool {
         false

@@ -38,6 +38,7 @@ pub use compressing::{CompressExecutor, Compressing};
 pub use error::DeviceQueryError;
 pub use layout::UNFINISHED;
 pub use pipelines::Queries;
+pub(crate) use pipelines::QueryVariant;
 pub use points::WgpuPointTree;
 #[doc(hidden)]
 pub use points::{BuildingPoints, PointExecutor};

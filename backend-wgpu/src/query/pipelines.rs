@@ -171,6 +171,6 @@ mod tests {
         for kernel in QueryKernel::WAVE {
             assert!(!RayQueries::text(kernel, &QueryVariant::default()).parts.is_empty());
         }
-        assert_eq!(splitplane_shaders::QUERIES.len(), 22);
+        assert_eq!(splitplane_shaders::QUERIES.len(), 23);
     }
 }

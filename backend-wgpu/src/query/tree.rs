@@ -158,6 +158,11 @@ impl DeviceTree {
         self.compressed = Some(compressed);
     }
 
+    /// The buffers of the compressed nodes, where there are some: the nodes, 80 bytes each, and the references of their leaves.
+    pub fn compressed_buffers(&self) -> Option<[&wgpu::Buffer; 2]> {
+        self.compressed.as_ref().map(|held| [&held.nodes, &held.references])
+    }
+
     /// Whether it has compressed nodes.
     pub fn is_compressed(&self) -> bool {
         self.compressed.is_some()

@@ -1,5 +1,5 @@
-//! The kernel set of the queries that run on a device, and of the data of triangles that they need
-//! first. There is no schedule: each is one dispatch over what the host counts.
+//! The kernel set of the queries that run on a device, of the data of triangles that they need
+//! first, and of vertices that move before a build. There is no schedule: each is one dispatch over what the host counts.
 
 use crate::kernel_set;
 use crate::query::traverse::Query;
@@ -22,6 +22,8 @@ kernel_set! {
         SceneBatch "scene_batch";
         /// How many triangles: [`layout::TriangleCount`](crate::layout::TriangleCount).
         TriangleCount "triangle_count";
+        /// How many vertices: [`layout::VertexCount`](crate::layout::VertexCount).
+        VertexCount "vertex_count";
     }
 
     /// The buffers of queries.
@@ -65,6 +67,14 @@ kernel_set! {
         /// The range of coordinates and sizes of all triangles: four `f32`, see
         /// [`query::intersect::Limits`](crate::query::intersect::Limits).
         Limits "limits", 16;
+        /// Positions at rest: three `f32` each.
+        RestPositions "rest_positions", 12, live Vertices;
+        /// The group of each vertex.
+        VertexGroups "vertex_groups", 4, live Vertices;
+        /// A transform of each group: [`Transform`](crate::scene::Transform), with numbers below 2^-126 as +0.
+        Transforms "transforms", 48;
+        /// Positions: three `f32` each.
+        Positions "positions", 12, live Vertices;
     }
 
     /// The kernels of queries. Each is a file of the same name, joined with one triangle test or
@@ -126,6 +136,9 @@ kernel_set! {
         /// The range of coordinates and sizes of the triangles.
         TriangleLimits "triangle_limits", Invocations(Triangles, 256) =>
             reads Triangles, uniform TriangleCount, updates Limits;
+        /// Moves every vertex by the transform of its group: see [`scene::moved`](crate::scene::moved).
+        MoveVertices "move_vertices", Invocations(Vertices, 64) =>
+            reads RestPositions, reads VertexGroups, reads Transforms, uniform VertexCount, writes Positions;
     }
 }
 
@@ -184,4 +197,6 @@ pub enum QueryCounter {
     Rays,
     /// Triangles of a mesh.
     Triangles,
+    /// Vertices of a mesh.
+    Vertices,
 }

@@ -109,6 +109,16 @@ pub struct TriangleCount {
     pub zero: u32,
 }
 
+/// The input of the kernel that moves vertices: the WGSL struct `VertexCount` of `move_vertices.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+pub struct VertexCount {
+    /// How many vertices.
+    pub count: u32,
+    /// Always 0, as in [`SceneUniform::zero`].
+    pub zero: u32,
+}
+
 /// The input of the self-test's kernel: the WGSL struct of the same name.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]

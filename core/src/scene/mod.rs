@@ -15,6 +15,7 @@ mod digest;
 mod error;
 pub mod file;
 mod hit;
+pub mod moved;
 mod opacity;
 mod options;
 mod outline;

@@ -354,6 +354,8 @@ impl Inspect<RayTracer> for CpuExecutor<'_> {
             // The tree's, the scene's, and what no kernel here uses.
             Buffer::Nodes
             | Buffer::LeafReferences
+            | Buffer::CompressedNodes
+            | Buffer::CompressedReferences
             | Buffer::Triangles
             | Buffer::Scene
             | Buffer::Deferred => Vec::new(),

@@ -36,6 +36,8 @@ pub(super) struct OnGpu {
     /// For frames that the device's kernels do not shade.
     #[cfg(feature = "cpu")]
     host: HostShaded,
+    /// Whether trees get compressed nodes.
+    compressed: bool,
 }
 
 /// A tree on the device.
@@ -76,6 +78,7 @@ impl OnGpu {
             keyframes: Keyframes::default(),
             building: None,
             settled: None,
+            compressed: false,
         })
     }
 
@@ -113,8 +116,9 @@ impl OnGpu {
     ) -> Result<(), TracerError> {
         self.cancel();
         let built = self.backend.build_on_device(mesh, options)?;
+        let tree = self.as_asked(built.tree)?;
         self.settle();
-        self.take(Tree::OnDevice(Box::new(built.tree), built.summary));
+        self.take(Tree::OnDevice(Box::new(tree), built.summary));
         Ok(())
     }
 
@@ -124,7 +128,10 @@ impl OnGpu {
         options: &BuildOptions<'_>,
     ) -> Result<(), TracerError> {
         self.cancel();
-        let accelerator = self.backend.build_accelerator(mesh, options)?;
+        let mut accelerator = self.backend.build_accelerator(mesh, options)?;
+        if self.compressed {
+            accelerator.compress_on_device().map_err(RenderError::from)?;
+        }
         self.settle();
         self.take(Tree::Copied(Box::new(accelerator)));
         Ok(())
@@ -154,8 +161,31 @@ impl OnGpu {
         // A frame that must be repeated needs the old tree.
         self.settle();
         let built = building.wait()?;
-        self.take(Tree::OnDevice(Box::new(built.tree), built.summary));
+        let tree = self.as_asked(built.tree)?;
+        self.take(Tree::OnDevice(Box::new(tree), built.summary));
         Ok(())
+    }
+
+    /// Whether trees get compressed nodes from now on, the one that is there included. It keeps those that it has.
+    pub(super) fn set_compressed(&mut self, compressed: bool) -> Result<(), TracerError> {
+        if compressed && !self.tree.on_device().is_compressed() {
+            // A frame under way goes on with what it has bound.
+            match &mut self.tree {
+                Tree::Copied(accelerator) => accelerator.compress_on_device(),
+                Tree::OnDevice(tree, _) => tree.compress_on_device(self.backend.queries()),
+            }
+            .map_err(RenderError::from)?;
+        }
+        self.compressed = compressed;
+        Ok(())
+    }
+
+    /// A tree just built, with compressed nodes where these are asked for.
+    fn as_asked(&self, mut tree: DeviceTree) -> Result<DeviceTree, TracerError> {
+        if self.compressed {
+            tree.compress_on_device(self.backend.queries()).map_err(RenderError::from)?;
+        }
+        Ok(tree)
     }
 
     /// Nobody wants the next tree any more.

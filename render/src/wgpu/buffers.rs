@@ -28,6 +28,8 @@ pub(super) struct Buffers {
 struct Tree {
     nodes: wgpu::Buffer,
     leaf_references: wgpu::Buffer,
+    /// Compressed nodes and their references, where the tree has some.
+    compressed: Option<[wgpu::Buffer; 2]>,
     triangles: wgpu::Buffer,
     scene: wgpu::Buffer,
     /// Where two bindings hold the triangles, the place and the bytes of each.
@@ -55,6 +57,8 @@ impl Buffers {
             (Buffer::Pixels, Some(target)) => Some(target),
             (Buffer::Nodes, _) => tree.map(|tree| &tree.nodes),
             (Buffer::LeafReferences, _) => tree.map(|tree| &tree.leaf_references),
+            (Buffer::CompressedNodes, _) => Some(&tree?.compressed.as_ref()?[0]),
+            (Buffer::CompressedReferences, _) => Some(&tree?.compressed.as_ref()?[1]),
             (Buffer::Triangles, _) => tree.map(|tree| &tree.triangles),
             _ => self.buffers[buffer as usize].as_ref(),
         }
@@ -118,6 +122,7 @@ impl Buffers {
         let held = Tree {
             nodes: tree.nodes().clone(),
             leaf_references: tree.leaf_references().clone(),
+            compressed: tree.compressed_buffers().map(|held| held.map(wgpu::Buffer::clone)),
             triangles: tree.triangles().clone(),
             scene: tree.scene().clone(),
             halves,

@@ -5,12 +5,12 @@ use super::buffers::Buffers;
 use super::room::groups;
 use super::undecided::{Undecided, leaves};
 use crate::error::RenderError;
-use crate::kernel::{Buffer, Counter, Kernel, RayTracer, Uniform};
+use crate::kernel::{Buffer, Counter, Kernel, RayTracer, Uniform, of_compressed};
 use crate::layout::Counters;
 use crate::plan::Plan;
 use splitplane_core::kernel::{Grid, Slot};
 use splitplane_core::ray::Accuracy;
-use splitplane_shaders::{RenderFeatures, TriangleTest, has_tail, render_parts};
+use splitplane_shaders::{RenderFeatures, TriangleTest, has_tail, render_compressed, render_parts};
 use splitplane_wgpu::Gpu;
 use splitplane_wgpu::device::{
     BindGroups, Bound, DeviceExecutor, DeviceSet, Job, LoopControl, Piece, Pipelines, Round, Text,
@@ -23,9 +23,17 @@ impl DeviceSet for RayTracer {
     type Variant = RenderFeatures;
 
     fn text(kernel: Kernel, features: &RenderFeatures) -> Text {
+        let name = compressed_name(kernel, features).unwrap_or(kernel.name());
         // The table holds every kernel; a test of the shaders holds it to that.
-        let parts = render_parts(kernel.name(), features).unwrap_or_default();
-        Text { name: kernel.name(), parts: parts.into() }
+        let parts = render_parts(name, features).unwrap_or_default();
+        Text { name, parts: parts.into() }
+    }
+
+    fn own_bindings(kernel: Kernel, features: &RenderFeatures) -> Option<Vec<Bound<RayTracer>>> {
+        compressed_name(kernel, features)?;
+        let mut bound = Self::bindings(kernel, features);
+        bound.iter_mut().for_each(|bound| bound.slot = of_compressed(bound.slot));
+        Some(bound)
     }
 
     fn bindings(kernel: Kernel, features: &RenderFeatures) -> Vec<Bound<RayTracer>> {
@@ -48,6 +56,11 @@ impl DeviceSet for RayTracer {
     }
 }
 
+/// The shader of a kernel that goes through compressed nodes, if it is to do so and there is one.
+fn compressed_name(kernel: Kernel, features: &RenderFeatures) -> Option<&'static str> {
+    render_compressed(kernel.name()).filter(|_| features.compressed)
+}
+
 /// The features that shaders need for a plan.
 pub(super) fn features(plan: &Plan, accuracy: Accuracy, buffers: &Buffers) -> RenderFeatures {
     let needs = plan.needs();
@@ -62,6 +75,9 @@ pub(super) fn features(plan: &Plan, accuracy: Accuracy, buffers: &Buffers) -> Re
             _ => TriangleTest::Certain,
         },
         by_halves: buffers.triangle_half(false).is_some(),
+        // Proved for the watertight test alone.
+        compressed: accuracy == Accuracy::Watertight
+            && buffers.get(Buffer::CompressedNodes).is_some(),
     }
 }
 

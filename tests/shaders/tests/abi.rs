@@ -29,8 +29,9 @@ use splitplane_core::kernel::{
 use splitplane_core::layout::Counters;
 use splitplane_render::RayTracer;
 use splitplane_shaders::{
-    CHECKS, COMPRESS, KERNELS, LIBRARY, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_RETRIES,
-    RENDER_SETTLES, Shader, TriangleTest, continue_lists, join, parts_by_halves, query,
+    CHECKS, COMPRESS, KERNELS, LIBRARY, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER,
+    RENDER_COMPRESSED, RENDER_RETRIES, RENDER_SETTLES, Shader, TriangleTest, continue_lists, join,
+    parts_by_halves, query,
 };
 
 use constants::Number;
@@ -236,6 +237,7 @@ fn every_kernel_says_what_it_does() {
         POINTS,
         NEAR,
         RENDER,
+        RENDER_COMPRESSED,
         RENDER_RETRIES,
         RENDER_SETTLES,
         CHECKS,

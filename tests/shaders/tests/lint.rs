@@ -34,7 +34,8 @@ use splitplane_core::kernel::{
 use splitplane_render::RayTracer;
 use splitplane_shaders::{
     CHECKS, COMPRESS, KERNELS, LIBRARY, NEAR, POINT_BUILD, POINTS, Part, QUERIES, RENDER,
-    RENDER_RETRIES, RENDER_SETTLES, RenderFeatures, Shader, TriangleTest, render_parts,
+    RENDER_COMPRESSED, RENDER_RETRIES, RENDER_SETTLES, RenderFeatures, Shader, TriangleTest,
+    render_parts,
 };
 
 use rules::{Finding, Rule};
@@ -83,6 +84,7 @@ fn linted() -> impl Iterator<Item = (&'static Shader, Free)> {
     let points = points.map(|shader| (shader, Free::Forbidden));
     let queries = QUERIES.iter().map(|shader| (shader, free_in::<RayQueries>(shader)));
     let render = RENDER.iter().map(|shader| (shader, free_in::<RayTracer>(shader)));
+    let compressed = RENDER_COMPRESSED.iter().map(|shader| (shader, Free::Allowed));
     let retries = RENDER_RETRIES.iter().map(|shader| (shader, Free::Allowed));
     // They trace nothing, but are joined with parts of what does.
     let settles = RENDER_SETTLES.iter().map(|shader| (shader, Free::Allowed));
@@ -92,6 +94,7 @@ fn linted() -> impl Iterator<Item = (&'static Shader, Free)> {
         .chain(points)
         .chain(queries)
         .chain(render)
+        .chain(compressed)
         .chain(retries)
         .chain(settles)
         .chain(checks);
@@ -244,6 +247,9 @@ fn only_those_that_trace_rays_may_be_free() {
             "closest_hits",
             "shadow_hits",
             "shadow_hits_through_glass",
+            "closest_hits_compressed",
+            "shadow_hits_compressed",
+            "shadow_hits_through_glass_compressed",
             "closest_hits_retry",
             "shadow_hits_retry",
             "shadow_hits_through_glass_retry",
@@ -262,6 +268,7 @@ fn a_free_multiply_add_is_found_in_every_query() {
             "free_mul_add(hi, 0.5, snapped_product(lo, -0.5))",
         ),
     );
+    let moved = ("snapped_sum(two, snapped_product(m.z, z))", "free_mul_add(m.z, z, two)");
     let stop = (
         "product(length, BOX_DIRECTION_LEAST)",
         "product(free_mul(length, 0.5), BOX_DIRECTION_LEAST)",
@@ -272,6 +279,7 @@ fn a_free_multiply_add_is_found_in_every_query() {
             // It prepares no ray.
             Free::Allowed if shader.name == "enter_instances" => (stop, Rule::Merged),
             Free::Allowed => (shear, Rule::Merged),
+            Free::Forbidden if shader.name == "move_vertices" => (moved, Rule::Free),
             Free::Forbidden => (limits, Rule::Free),
         };
         let mut parts = texts(shader);

@@ -12,8 +12,8 @@ use std::path::Path;
 
 use naga::back::{hlsl, msl, spv};
 use splitplane_shaders::{
-    CHECKS, COMPRESS, KERNELS, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_RETRIES,
-    RENDER_SETTLES, Shader,
+    CHECKS, COMPRESS, KERNELS, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_COMPRESSED,
+    RENDER_RETRIES, RENDER_SETTLES, Shader,
 };
 
 use source::{Parsed, Text, texts};
@@ -31,6 +31,7 @@ fn shaders() -> impl Iterator<Item = &'static Shader> {
         POINTS,
         NEAR,
         RENDER,
+        RENDER_COMPRESSED,
         RENDER_RETRIES,
         RENDER_SETTLES,
         CHECKS,

@@ -11,6 +11,7 @@ use splitplane_core::tree::node::KdNode;
 use super::{Effort, PendingBuild};
 use crate::builder::buffers::readback;
 use crate::builder::executor::counters_from;
+use crate::builder::middle_stage::MiddleStage;
 use crate::builder::shared::Pooled;
 use crate::device::host;
 use crate::device::profile::KernelTime;
@@ -52,6 +53,7 @@ impl PendingBuild {
         if counters[Counter::Overflow] & Overflow::MiddleStage as u32 != 0 {
             readback.unmap();
             self.capacities = self.capacities.without_middle_stage();
+            self.effort.middle_stage = MiddleStage::Void;
             self.reserve(None)?;
             self.effort.repeats += 1;
             self.begin(config.max_depth + 1)?;
@@ -129,6 +131,7 @@ impl PendingBuild {
             triangles,
             config,
             levels: counters[Counter::Levels],
+            middle_was_void: self.middle_was_void(),
             spare_levels: self.spare_levels,
         });
         let tree = DeviceTree::with_limits(&self.shared.queries, parts, &limits, scene)?;

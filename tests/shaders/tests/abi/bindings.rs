@@ -59,12 +59,11 @@ pub(crate) fn limit_faults(parsed: &Parsed) -> Vec<String> {
 }
 
 /// Whether the bindings of a kernel are what its set's table says.
-pub(crate) fn binding_faults<S: Shaders>(parsed: &Parsed, kernel: S::Kernel) -> Vec<String> {
+pub(crate) fn binding_faults<S: Shaders>(parsed: &Parsed, wanted: &[Slot<S>]) -> Vec<String> {
     let globals = parsed.module.global_variables.iter();
     let mut bound: Vec<(u32, &GlobalVariable)> =
         globals.filter_map(|(_, global)| Some((global.binding?.binding, global))).collect();
     bound.sort_by_key(|(binding, _)| *binding);
-    let wanted: Vec<Slot<S>> = S::slots(kernel).collect();
     let mut faults = Vec::new();
     for (place, slot) in wanted.iter().enumerate() {
         let name = name_of_slot(slot);
@@ -103,15 +102,15 @@ pub(crate) fn binding_faults<S: Shaders>(parsed: &Parsed, kernel: S::Kernel) -> 
 /// writes what it is said to write. A text that is not `whole` may leave some of that out.
 pub(crate) fn use_faults<S: Shaders>(
     parsed: &Parsed,
-    kernel: S::Kernel,
+    bound: &[Slot<S>],
     whole: bool,
 ) -> Vec<String> {
     let mut faults = Vec::new();
     if parsed.module.entry_points.is_empty() {
         return faults;
     }
-    for slot in S::slots(kernel) {
-        let Slot::Storage(Binding { buffer, access }) = slot else { continue };
+    for slot in bound {
+        let &Slot::Storage(Binding { buffer, access }) = slot else { continue };
         // What every kernel is given it need not look at.
         if S::is_bound_by_all(buffer) && access == Access::Read {
             continue;

@@ -15,7 +15,7 @@ use splitplane_core::layout::{
     BatchUniform, CheckParameters, Chunk, ChunkBins, ChunkBounds, ChunkSides, Compress, Counters,
     Decision, Extent, LargeNode, MiddleRoot, NearBatch, Parameters, Part, PointBatch, PointBuild,
     PointExtent, PointRecord, PointSplit, Reference, SceneBatch, SceneUniform, Sides, SmallRoot,
-    TopNode, TriangleCount,
+    TopNode, TriangleCount, VertexCount,
 };
 use splitplane_core::ray::{Hit, Ray};
 use splitplane_core::tree::node::KdNode;
@@ -134,6 +134,7 @@ pub(crate) fn of_queries() -> Vec<Record> {
             count culling mask ignored_instance ignored_triangle any zero way
         }),
         record!(TriangleCount { count zero }),
+        record!(VertexCount { count zero }),
         record!(CheckParameters { zero count }),
         // An enum and an `Option` on the CPU.
         Record {

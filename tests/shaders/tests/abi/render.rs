@@ -5,7 +5,8 @@ use core::mem::offset_of;
 use splitplane_render::kernel::Kernel;
 use splitplane_render::layout::{Counters, FirstCost, FirstHit, Frame, Path, Spawned, Surface};
 use splitplane_shaders::{
-    RENDER, RenderFeatures, TriangleTest, render_parts, render_retry, render_settle,
+    RENDER, RenderFeatures, TriangleTest, render_compressed, render_parts, render_retry,
+    render_settle,
 };
 
 use crate::constants::{self, Known};
@@ -40,13 +41,18 @@ pub(crate) fn known() -> Known {
     known
 }
 
+/// How the names of shaders end that go through compressed nodes.
+pub(crate) const COMPRESSED: &str = "_compressed";
+
 /// Every kernel with every choice of features, each combination of parts once.
 pub(crate) fn variants() -> Vec<(Kernel, Vec<Text>)> {
     let mut variants: Vec<(Kernel, Vec<Text>)> = Vec::new();
     let own = Kernel::ALL.into_iter().zip(RENDER.iter().map(|shader| shader.name));
     let retries = Kernel::ALL.into_iter().filter_map(|k| Some((k, render_retry(k.name())?)));
     let settles = Kernel::ALL.into_iter().filter_map(|k| Some((k, render_settle(k.name())?)));
-    for (kernel, name) in own.chain(retries).chain(settles) {
+    let compressed =
+        Kernel::ALL.into_iter().filter_map(|k| Some((k, render_compressed(k.name())?)));
+    for (kernel, name) in own.chain(retries).chain(settles).chain(compressed) {
         for choice in 0..48u32 {
             let has = |bit: u32| choice & (1 << bit) != 0;
             let test = match choice >> 4 {
@@ -58,6 +64,11 @@ pub(crate) fn variants() -> Vec<(Kernel, Vec<Text>)> {
             if name.ends_with("_settle") && test != TriangleTest::Certain {
                 continue;
             }
+            // These find hits by one test.
+            let compressed = name.ends_with(COMPRESSED);
+            if compressed && test != TriangleTest::Watertight {
+                continue;
+            }
             let features = RenderFeatures {
                 textures: has(0),
                 smooth_normals: has(1),
@@ -65,6 +76,7 @@ pub(crate) fn variants() -> Vec<(Kernel, Vec<Text>)> {
                 dielectrics: has(3),
                 test,
                 by_halves: false,
+                compressed,
             };
             let parts = render_parts(name, &features).expect("a kernel of the table");
             let texts: Vec<Text> = parts.iter().map(Text::from).collect();

@@ -8,8 +8,8 @@ use splitplane_core::kernel::{
 use splitplane_render::RayTracer;
 use splitplane_render::kernel as render_kernel;
 use splitplane_shaders::{
-    CHECKS, COMPRESS, KERNELS, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_RETRIES,
-    RENDER_SETTLES, Shader,
+    CHECKS, COMPRESS, KERNELS, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_COMPRESSED,
+    RENDER_RETRIES, RENDER_SETTLES, Shader,
 };
 
 use crate::bindings;
@@ -44,6 +44,11 @@ pub(crate) trait Shaders: KernelSet {
     /// Whether a text has all that its kernel may have.
     fn is_whole(_kernel: Self::Kernel, _parts: &[Text]) -> bool {
         true
+    }
+
+    /// What a text of a kernel binds.
+    fn bound(kernel: Self::Kernel, _parts: &[Text]) -> Vec<Slot<Self>> {
+        Self::slots(kernel).collect()
     }
 
     /// The records that may cross, uniforms among them.
@@ -83,7 +88,8 @@ impl Shaders for TreeBuilder {
 
 impl Shaders for RayTracer {
     const TABLE: &'static [Shader] = RENDER;
-    const RETRIES: &'static [&'static [Shader]] = &[RENDER_RETRIES, RENDER_SETTLES];
+    const RETRIES: &'static [&'static [Shader]] =
+        &[RENDER_COMPRESSED, RENDER_RETRIES, RENDER_SETTLES];
     const FOLDER: &'static str = "render";
     const LAYOUT: &'static str = "render_layout";
     const SINGLES: &'static [render_kernel::Buffer] = &[render_kernel::Buffer::Counters];
@@ -96,6 +102,15 @@ impl Shaders for RayTracer {
     fn is_whole(kernel: render_kernel::Kernel, parts: &[Text]) -> bool {
         let whole = text_of::<RayTracer>(kernel);
         whole.iter().map(|part| &part.name).eq(parts.iter().map(|part| &part.name))
+    }
+
+    /// Through compressed nodes the same kernel binds these.
+    fn bound(kernel: render_kernel::Kernel, parts: &[Text]) -> Vec<Slot<RayTracer>> {
+        let compressed = parts.last().is_some_and(|own| own.name.ends_with(render::COMPRESSED));
+        let slots = RayTracer::slots(kernel);
+        slots
+            .map(|slot| if compressed { render_kernel::of_compressed(slot) } else { slot })
+            .collect()
     }
 
     fn records() -> Vec<Record> {
@@ -182,8 +197,9 @@ pub(crate) fn faults<S: Shaders>(parts: &[Text], kernel: S::Kernel, known: &Know
         Err(error) => return vec![error],
     };
     let mut faults = bindings::limit_faults(&parsed);
-    faults.extend(bindings::binding_faults::<S>(&parsed, kernel));
-    faults.extend(bindings::use_faults::<S>(&parsed, kernel, S::is_whole(kernel, parts)));
+    let bound = S::bound(kernel, parts);
+    faults.extend(bindings::binding_faults::<S>(&parsed, &bound));
+    faults.extend(bindings::use_faults::<S>(&parsed, &bound, S::is_whole(kernel, parts)));
     faults.extend(bindings::grid_faults::<S>(&parsed, kernel));
     faults.extend(records::faults(&parsed, &S::records(), S::LAYOUT));
     faults.extend(constants::faults(&parsed, parts, known));

@@ -1,0 +1,213 @@
+//! The middle stage of a build where it cannot be: void by each of its rules, left out for want of room. The tree is the CPU's all the
+//! same, the build says what became of the stage, and the next one knows.
+
+mod common;
+
+use std::time::{Duration, Instant};
+
+use splitplane_core::backend::{Accelerator, BuildOptions};
+use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::error::BuildError;
+use splitplane_core::kernel::{Buffer, Kernel};
+use splitplane_cpu::CpuBackend;
+use splitplane_test_support::scenes::{self, Scene};
+use splitplane_wgpu::{DeviceBuild, Effort, Gpu, MiddleStage, PendingBuild, WgpuBackend};
+
+fn backend() -> WgpuBackend {
+    WgpuBackend::without_selftest(Gpu::clone(&common::gpu()))
+}
+
+/// Scenes and configurations for which the stage is void, each by another rule of it.
+fn void_cases() -> Vec<(&'static str, Scene, BuildConfig)> {
+    let default = BuildConfig::default();
+    let of_few_references = BuildConfig { clip: false, references_per_triangle: 1, ..default };
+    let of_few_nodes = default.with_stages(|stages| {
+        stages.small_node_limit = 1;
+        stages.nodes_per_triangle = 1;
+    });
+    vec![
+        ("more than it takes in a node that nothing separates", scenes::identical(4_500), default),
+        ("references of a level, or of all leaves", scenes::soup(3_000, 0.5, 9), default),
+        ("references", scenes::soup(12_000, 0.05, 9), of_few_references),
+        ("nodes", scenes::soup(6_000, 0.03, 9), of_few_nodes),
+    ]
+}
+
+/// A mesh whose builds the stage finishes.
+fn finished_case() -> Scene {
+    scenes::soup(7_000, 0.03, 9)
+}
+
+/// What differs between a build and the CPU's, if anything does.
+fn compared(
+    backend: &WgpuBackend,
+    built: &DeviceBuild,
+    scene: &Scene,
+    config: BuildConfig,
+) -> Result<(), String> {
+    let options = BuildOptions::from(config);
+    let (expected, summary) =
+        CpuBackend::new().build_tree(&scene.mesh(), &options).expect("a tree");
+    let tree = built.tree.read(backend.gpu()).map_err(|error| error.to_string())?;
+    if tree != expected {
+        return Err(format!("another tree: {:?}", tree.digest()));
+    }
+    let levels = [built.summary.large_levels, summary.large_levels];
+    let roots = [built.summary.small_roots, summary.small_roots];
+    if levels[0] != levels[1] || roots[0] != roots[1] {
+        return Err(format!("{levels:?} levels, {roots:?} small roots"));
+    }
+    Ok(())
+}
+
+/// Polls, and never waits.
+fn polled(mut pending: PendingBuild) -> Result<DeviceBuild, BuildError> {
+    let start = Instant::now();
+    loop {
+        if let Some(built) = pending.poll()? {
+            return Ok(built);
+        }
+        assert!(start.elapsed() < Duration::from_secs(600), "a build hangs");
+        std::thread::sleep(Duration::from_micros(200));
+    }
+}
+
+#[track_caller]
+fn assert_effort(effort: Effort, stage: MiddleStage, what: &str) {
+    assert_eq!(effort.middle_stage, stage, "{what}: {effort:?}");
+    // Lists may be outgrown besides.
+    let repeated = stage == MiddleStage::Void;
+    assert_eq!(effort.repeats > 0, repeated, "{what}: {effort:?}");
+    // One submission and one readback for each attempt.
+    let attempts = 1 + effort.repeats;
+    assert_eq!((effort.submissions, effort.readbacks), (attempts, attempts), "{what}: {effort:?}");
+}
+
+/// Each rule makes a build void, which is then repeated without the stage; the next one is not tried with it, and one of other triangles is.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn a_void_stage_is_repeated_without_it() {
+    let backend = backend();
+    let finished = finished_case();
+    // Leaves room for the lists of the others.
+    let options = BuildOptions::default();
+    backend.build_on_device(&finished.mesh(), &options).expect("a build");
+    for (what, scene, config) in void_cases() {
+        let options = BuildOptions::from(config);
+        let mesh = scene.mesh();
+        let first = polled(backend.submit_build(&mesh, &options).expect(what)).expect(what);
+        assert_effort(first.effort, MiddleStage::Void, what);
+        compared(&backend, &first, &scene, config).expect(what);
+        let next = backend.build_on_device(&mesh, &options).expect(what);
+        assert_effort(next.effort, MiddleStage::KnownVoid, what);
+        compared(&backend, &next, &scene, config).expect(what);
+        // With the tree in host memory as well.
+        let third = backend.build_accelerator(&mesh, &options).expect(what);
+        assert_eq!(third.tree().digest(), first.tree.read(backend.gpu()).expect(what).digest());
+        // What was found out is of this mesh and this configuration.
+        let default = BuildConfig::default();
+        let other = backend.build_on_device(&finished.mesh(), &default.into()).expect(what);
+        assert_effort(other.effort, MiddleStage::Finished, what);
+        compared(&backend, &other, &finished, default).expect(what);
+    }
+}
+
+/// A build that is cancelled before it is known to be void leaves nothing to the next one.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn a_void_build_is_cancelled() {
+    let backend = backend();
+    let (what, scene, config) = void_cases().swap_remove(0);
+    let options = BuildOptions::from(config);
+    backend.submit_build(&scene.mesh(), &options).expect(what).cancel();
+    let finished = finished_case();
+    let built = backend.build_on_device(&finished.mesh(), &options).expect(what);
+    assert_eq!(built.effort.middle_stage, MiddleStage::Finished);
+    compared(&backend, &built, &finished, config).expect(what);
+}
+
+/// A stage that a device makes void though it need not be costs a repeat, and no more. One that a device does not notice to be void is
+/// seen here.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn planted_faults_are_seen() {
+    let planted = |kernel: Kernel, from: &str, to: &str| {
+        let source = splitplane_shaders::KERNELS[kernel as usize].source();
+        assert!(source.contains(from), "{kernel:?}: the text to change is gone");
+        let source = source.replace(from, to);
+        WgpuBackend::with_replaced_kernel(Gpu::clone(&common::gpu()), kernel, source)
+    };
+    let finished = finished_case();
+    let config = BuildConfig::default();
+    for (kernel, from, to) in [
+        (Kernel::BuildMiddle, "root.count > parameters.hand_over_limit", "root.count > 500u"),
+        (Kernel::ScanMiddle, "made > parameters.reference_cap", "made > 1u"),
+    ] {
+        let backend = planted(kernel, from, to);
+        let built = backend.build_on_device(&finished.mesh(), &config.into()).expect("a build");
+        assert_effort(built.effort, MiddleStage::Void, to);
+        compared(&backend, &built, &finished, config).expect(to);
+    }
+    for (kernel, from, to, case) in [
+        (Kernel::ScanMiddle, "if state != 0u ||", "if", 0),
+        (Kernel::ScanMiddle, "made > parameters.reference_cap", "false", 2),
+        (Kernel::ScanMiddle, "nodes > parameters.node_cap", "false", 3),
+    ] {
+        let backend = planted(kernel, from, to);
+        let (what, scene, config) = void_cases().swap_remove(case);
+        let same = match backend.build_on_device(&scene.mesh(), &config.into()) {
+            Ok(built) => compared(&backend, &built, &scene, config).is_ok(),
+            Err(_) => false,
+        };
+        assert!(!same, "{what}: {to} was not seen");
+    }
+}
+
+/// Where one binding does not hold the pool, where memory is short, and where planes are found by bins, builds say so.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn a_stage_that_is_left_out_is_named() {
+    let scene = finished_case();
+    let mesh = scene.mesh();
+    let config = BuildConfig::default();
+    // The pool takes 2.8 MB, and the triangles 0.25.
+    let binding = 2_000_000;
+    let [(device, queue), _] = common::host_devices(&wgpu::Limits {
+        max_storage_buffer_binding_size: binding,
+        ..wgpu::Limits::default()
+    });
+    let short = WgpuBackend::without_selftest(Gpu::borrow(device, queue));
+    for _ in 0..2 {
+        let built = short.build_on_device(&mesh, &config.into()).expect("a build");
+        compared(&short, &built, &scene, config).expect("the CPU's tree");
+        let MiddleStage::TooLong { list, needed, allowed } = built.effort.middle_stage else {
+            panic!("{:?}", built.effort);
+        };
+        assert_eq!((list, allowed), (Buffer::MiddleReferences, binding));
+        assert!(needed > allowed && built.effort.repeats == 0, "{:?}", built.effort);
+    }
+
+    let backend = backend();
+    let whole = backend.build_on_device(&mesh, &config.into()).expect("a build");
+    assert_eq!(whole.effort.middle_stage, MiddleStage::Finished);
+    let mut found = false;
+    for percent in (30..100).rev().step_by(5) {
+        let limit = whole.summary.peak_bytes / 100 * percent;
+        let options = BuildOptions { max_memory: Some(limit), ..BuildOptions::from(config) };
+        let fresh = self::backend();
+        let Ok(built) = fresh.build_on_device(&mesh, &options) else { break };
+        compared(&fresh, &built, &scene, config).expect("the CPU's tree");
+        if let MiddleStage::OutOfMemory { needed, limit: named } = built.effort.middle_stage {
+            assert!(named == limit && needed > limit && built.summary.peak_bytes <= limit);
+            found = true;
+        }
+    }
+    assert!(found, "memory was never too short for the stage alone");
+    // Enough memory again: nothing was learnt from there having been too little.
+    let again = backend.build_on_device(&mesh, &config.into()).expect("a build");
+    assert_eq!(again.effort.middle_stage, MiddleStage::Finished);
+
+    let binned = Preset::Balanced.config();
+    let built = backend.build_on_device(&mesh, &binned.into()).expect("a build");
+    assert_eq!(built.effort.middle_stage, MiddleStage::NotOfConfig);
+}
