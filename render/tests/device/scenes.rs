@@ -67,7 +67,7 @@ impl Scene {
         self.with_appearance(|appearance| data.update_normals(&self.mesh(), appearance));
     }
 
-    fn with_appearance<T>(&self, run: impl FnOnce(&Appearance<'_>) -> T) -> T {
+    pub(crate) fn with_appearance<T>(&self, run: impl FnOnce(&Appearance<'_>) -> T) -> T {
         let corners = |any: bool| -> Vec<[u32; 3]> {
             let count = if any { self.triangles.len() as u32 } else { 0 };
             (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect()
