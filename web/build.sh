@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Builds the package, or the demonstration page: web/build.sh [--page] [--locked]
 #
-# The package's compiled parts go to web/pkg, that for WebGPU to web/pkg/gpu; the page, ready to be served, to web/target/page. The page has
-# the package's part for WebGPU, which must be there. scripts/web.sh setup has what this takes.
+# The package's compiled parts go to web/pkg, that for WebGPU to web/pkg/gpu; the page, ready to be served, to web/target/page. scripts/web.sh setup
+# has what this takes.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")"
 page= lock=()
@@ -29,11 +29,8 @@ if [ -z "$page" ]; then
     part splitplane pkg
     part splitplane_gpu pkg/gpu --features gpu
 else
-    [ -e pkg/gpu/splitplane_gpu_bg.wasm ] || { echo "build.sh: build the package first: web/build.sh" >&2 && exit 1; }
     rm -rf target/page
-    mkdir -p target/page/js
+    mkdir -p target/page
     cp page/*.html page/*.css page/*.js target/page
     part splitplane target/page/pkg --features page
-    cp -r pkg/gpu target/page/pkg/gpu
-    cp js/*.js target/page/js
 fi

@@ -1,9 +1,10 @@
 //! The GPU as a [`Backend`].
 
+use std::collections::VecDeque;
 use std::num::NonZeroU32;
 use std::sync::Arc;
 
-use splitplane_core::backend::scene::SceneAccelerator;
+use splitplane_core::backend::scene::{SceneAccelerator, UpdateReport};
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions};
 use splitplane_core::cancel::go_on;
 use splitplane_core::config::BuildConfig;
@@ -36,8 +37,8 @@ use crate::query::{DeviceTree, Queries, WgpuAccelerator, WgpuPointTree, WgpuScen
 use crate::selftest;
 
 /// The GPU backend: builds trees on one device and answers rays there. Buffers are kept between
-/// builds; pipelines are compiled when they are first used.
-#[derive(Debug)]
+/// builds; pipelines are compiled when they are first used. A clone is the same backend: it shares device, pipelines and kept buffers.
+#[derive(Clone, Debug)]
 pub struct WgpuBackend {
     shared: Arc<Shared>,
     /// `None` before the self-test.
@@ -341,6 +342,54 @@ impl WgpuBackend {
         let old = core::mem::replace(accelerator, built);
         self.recycle(old.into_device_tree());
         Ok(())
+    }
+
+    /// As [`Backend::build_scene`], without blocking while the device builds geometries. Trees over shapes are built on the CPU, in one piece.
+    ///
+    /// # Errors
+    /// As for [`Backend::build_scene`].
+    pub async fn build_scene_async(
+        &self,
+        scene: &Scene,
+        options: &BuildOptions<'_>,
+    ) -> Result<WgpuScene, SceneBuildError> {
+        let mut own = WgpuScene::empty(Arc::clone(&self.shared.queries));
+        self.update_scene_async(&mut own, scene, options).await?;
+        Ok(own)
+    }
+
+    /// As [`SceneAccelerator::update_by`] of a scene of this backend's, without blocking while the device builds geometries. What the device refuses when
+    /// the scene is sent to it is an error too, and the scene then needs another update.
+    ///
+    /// # Errors
+    /// As for [`Backend::build_scene`]; without one of those above, the scene is what it was.
+    pub async fn update_scene_async(
+        &self,
+        built: &mut WgpuScene,
+        scene: &Scene,
+        options: &BuildOptions<'_>,
+    ) -> Result<UpdateReport, SceneBuildError> {
+        self.check_shapes(scene)?;
+        let new: Vec<_> =
+            built.scene().unbuilt(scene).map(|(name, mesh)| (name, Arc::clone(mesh))).collect();
+        let mut held = if options.max_memory.is_some() { built.scene().bytes() } else { 0 };
+        let mut ready: VecDeque<Box<dyn Accelerator>> = VecDeque::new();
+        let total = new.len() as u64;
+        for (name, mesh) in new {
+            let done = ready.len() as u64;
+            let progress = Progress { stage: Stage::Geometries, done, total };
+            go_on(options.watch, progress).map_err(|_| SceneBuildError::Cancelled { progress })?;
+            let max_memory = options.max_memory.map(|limit| limit.saturating_sub(held));
+            let own = BuildOptions { max_memory, ..*options };
+            let one = self.build_accelerator_async(&mesh.mesh(), &own).await;
+            let one = one.map_err(|error| match error {
+                BuildError::Cancelled { .. } => SceneBuildError::Cancelled { progress },
+                error => SceneBuildError::Geometry { geometry: name.0, error },
+            })?;
+            held = held.saturating_add(one.query_bytes());
+            ready.push_back(Box::new(one));
+        }
+        built.update_with(scene, options, ready).await
     }
 
     fn accelerator(&self, built: DeviceBuild, triangles: Vec<Triangle>) -> WgpuAccelerator {

@@ -157,6 +157,51 @@ impl Tracer {
         Ok(Tracer { on, appearance: SceneData::new(mesh, appearance)? })
     }
 
+    /// As [`Tracer::load`], without blocking while a GPU builds. On the CPU the tree is built at once.
+    ///
+    /// # Errors
+    /// As for [`Tracer::load`].
+    #[cfg(feature = "wgpu")]
+    pub async fn load_async(
+        backend: impl Into<RenderBackend>,
+        mesh: &Mesh<'_>,
+        appearance: &Appearance<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<Tracer, TracerError> {
+        SceneData::check(mesh, appearance)?;
+        let on = match backend.into() {
+            #[cfg(feature = "cpu")]
+            RenderBackend::Cpu(backend) => {
+                On::Cpu(Box::new(on_cpu::OnCpu::load(backend, mesh, options)?))
+            }
+            RenderBackend::Wgpu(backend) => {
+                On::Gpu(Box::new(on_gpu::OnGpu::load_async(backend, mesh, options).await?))
+            }
+        };
+        Ok(Tracer { on, appearance: SceneData::new(mesh, appearance)? })
+    }
+
+    /// As [`Tracer::replace`], without blocking while a GPU builds.
+    ///
+    /// # Errors
+    /// As for [`Tracer::replace`]; the previous scene is kept.
+    #[cfg(feature = "wgpu")]
+    pub async fn replace_async(
+        &mut self,
+        mesh: &Mesh<'_>,
+        appearance: &Appearance<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<(), TracerError> {
+        SceneData::check(mesh, appearance)?;
+        match &mut self.on {
+            On::Gpu(on) => on.rebuild_for_queries_async(mesh, options).await?,
+            #[cfg(feature = "cpu")]
+            On::Cpu(on) => on.rebuild_for_queries(mesh, options)?,
+        }
+        on!(&mut self.on, on => on.forget_keyframes());
+        Ok(self.appearance.describe_again(mesh, appearance)?)
+    }
+
     /// Takes another scene, in the memory of the one before: its tree, for frames and for queries from the
     /// host, and its appearance.
     ///
@@ -307,8 +352,8 @@ impl Tracer {
 
     /// Whether trees on a GPU get compressed wide nodes from now on, the tree that is there included: frames of accuracy
     /// `watertight` then go through these, with the same pictures, bit for bit. The device makes them after each build, for which
-    /// a call waits once more; 32 bytes come back. Where coordinates leave the range of lean kernels there are none. Does nothing on the
-    /// CPU.
+    /// a call waits once more; 32 bytes come back. Where coordinates leave the range of lean kernels there are none, nor in trees that
+    /// were awaited without blocking. Does nothing on the CPU.
     ///
     /// # Errors
     /// More references than such nodes can name, or a device that fails; the choice is then what it was.
@@ -343,6 +388,26 @@ impl Tracer {
     ) -> Result<Frame<'_>, TracerError> {
         let input = input(mesh, &self.appearance, request);
         let stats = on!(&mut self.on, on => on.frame(&input))?;
+        Ok(Frame { on: &self.on, stats })
+    }
+
+    /// As [`Tracer::frame`], without blocking while a GPU works: its outputs come along, and the [`Frame`] waits for nothing. A frame of accuracy `exact` blocks
+    /// between its waves, which a browser refuses. On the CPU the frame is rendered at once. Dropped before its end, it leaves the tracer as it is.
+    ///
+    /// # Errors
+    /// As for [`Tracer::frame`].
+    #[cfg(feature = "wgpu")]
+    pub async fn frame_async(
+        &mut self,
+        mesh: &Mesh<'_>,
+        request: &FrameRequest<'_>,
+    ) -> Result<Frame<'_>, TracerError> {
+        let input = input(mesh, &self.appearance, request);
+        let stats = match &mut self.on {
+            On::Gpu(on) => on.frame_async(&input).await?,
+            #[cfg(feature = "cpu")]
+            On::Cpu(on) => on.frame(&input)?,
+        };
         Ok(Frame { on: &self.on, stats })
     }
 

@@ -3,6 +3,7 @@
 import { SplitplaneError } from "./error.js";
 import { Gpu } from "./gpu.js";
 import { choice, options } from "./module.js";
+import { Scene } from "./scene.js";
 import { Tree } from "./tree.js";
 
 export const BACKENDS = ["auto", "cpu", "gpu"];
@@ -51,6 +52,10 @@ export class Backend {
 
     get reason() {
         return this.#reason;
+    }
+
+    scene() {
+        return this.#gpu === null ? new Scene() : this.#gpu.scene();
     }
 
     async build(positions, indices, given) {

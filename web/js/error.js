@@ -20,6 +20,7 @@ export const CODES = Object.freeze([
     "config", // an option out of its range, or a name that does not exist
     "mesh", // indices out of range, or too many triangles
     "freed", // an object after its free()
+    "busy", // an object, called by its own progress callback
     "cancelled", // by a progress callback or an AbortSignal, whose reason is `cause`
     "out-of-memory", // a limit, or what the module may have
     "wrong-mesh", // a tree of another mesh

@@ -1,114 +1,16 @@
-// WebGPU: a compiled part of its own, with memory of its own, which is loaded when it is first asked for.
+// WebGPU: devices, and trees on them. Its compiled part, with memory of its own, is loaded when it is first asked for.
 
-import { queryOptions, room } from "./batch.js";
+import { CULLINGS, NONE, queryOptions, room } from "./batch.js";
 import { SplitplaneError } from "./error.js";
-import { buildOptions, meshArrays } from "./mesh.js";
-import { WasmArray, number, options, watcher } from "./module.js";
-import { column } from "./queries.js";
+import { call, hasCrashed, movedAll, part, settled } from "./gpu-module.js";
+import { GpuScene } from "./gpu-scene.js";
+import { buildOptions, limit, meshArrays } from "./mesh.js";
+import { choice, count, number, options, watcher } from "./module.js";
+import { allFound, column } from "./queries.js";
 import { SUMMARY } from "./tree.js";
 
-/** A promise of the compiled part, { raw, memory }, once it is asked for. After a crash there is no other. */
-let loading = null;
-let crashed = null;
-/** What rejects the promises that are not settled. */
-const unsettled = new Set();
-
-function crash(message, cause) {
-    const text = `the compiled part for WebGPU has ended (${message}); load the page, or start the worker, anew`;
-    crashed ??= new SplitplaneError("crashed", text, { cause });
-    for (const reject of [...unsettled]) reject(crashed);
-}
-
-/** Whether an error is a trap of the compiled part: one in the middle of a promise is told to nobody else. */
-function isTrap(error) {
-    return error instanceof WebAssembly.RuntimeError && /splitplane_gpu/.test(String(error.stack));
-}
-
-function listen() {
-    const hear = ({ error, reason }) => {
-        const trap = error ?? reason;
-        if (isTrap(trap)) crash(trap.message, trap);
-    };
-    for (const name of ["error", "unhandledrejection"]) globalThis.addEventListener?.(name, hear);
-}
-
-async function load(source) {
-    try {
-        const raw = await import("../pkg/gpu/splitplane_gpu.js");
-        const { memory } = await raw.default(source === undefined ? undefined : { module_or_path: source });
-        raw.afterCrash((message) => crash(message));
-        listen();
-        return { raw, memory };
-    } catch (error) {
-        loading = null;
-        throw new SplitplaneError("not-ready", `the compiled part for WebGPU cannot be loaded: ${error.message ?? error}`, { cause: error });
-    }
-}
-
-/** An error of the compiled part as one of ours. */
-function ours(error) {
-    if (error instanceof SplitplaneError) return error;
-    if (typeof error?.code === "string") return new SplitplaneError(error.code, error.message);
-    if (error instanceof WebAssembly.RuntimeError || error instanceof RangeError) {
-        crash(error.message, error);
-        return crashed;
-    }
-    return error;
-}
-
-function call(work) {
-    if (crashed !== null) throw new SplitplaneError("crashed", crashed.message, { cause: crashed.cause });
-    try {
-        return work();
-    } catch (error) {
-        throw ours(error);
-    }
-}
-
-/** What a promise of the compiled part gives, or the end of that part. */
-async function settled(work) {
-    let reject;
-    const ended = new Promise((_, no) => (reject = no));
-    // Nobody need hear of it where the work comes first.
-    ended.catch(() => {});
-    unsettled.add(reject);
-    try {
-        return await Promise.race([call(work), ended]);
-    } catch (error) {
-        throw ours(error);
-    } finally {
-        unsettled.delete(reject);
-    }
-}
-
-/** A copy of an array in the memory of the part for WebGPU, which it is handed over to. */
-function moved({ raw, memory }, { value, what, type, each, optional }) {
-    if (optional && (value === undefined || value === null)) value = new type(0);
-    if (!(value instanceof type) && !(value instanceof WasmArray)) {
-        const name = value === null ? "null" : (value?.constructor?.name ?? typeof value);
-        throw new SplitplaneError("type", `${what} must be a ${type.name} or a WasmArray, but is ${name}`);
-    }
-    if (value.length % each !== 0) {
-        throw new SplitplaneError("shape", `${what}: the length is ${value.length}, but must be a multiple of ${each}`);
-    }
-    const words = call(() => new raw.Words(value.length));
-    const from = value instanceof WasmArray ? value.words : new Uint32Array(value.buffer, value.byteOffset, value.length);
-    new Uint32Array(memory.buffer, words.pointer(), value.length).set(from);
-    return words;
-}
-
-/** Several of them; all are freed where one is refused. */
-function movedAll(part, given) {
-    const made = [];
-    try {
-        for (const one of given) made.push(moved(part, one));
-        return made;
-    } catch (error) {
-        for (const words of made) words.free();
-        throw error;
-    }
-}
-
+/** Seconds that a device may take for one thing, if nobody says more: a page should not wait longer. */
+const TIMEOUT = 60;
 const RAYS = { what: "rays", type: Float32Array, each: 8 };
 
 /** A tree on a GPU; see index.d.ts. */
@@ -116,10 +18,10 @@ export class GpuTree {
     #own;
     #part;
 
-    constructor(own, part) {
-        if (part === undefined || !(own instanceof part.raw.GpuTree)) throw new SplitplaneError("type", "a GpuTree is made by Gpu.build");
+    constructor(own, loaded) {
+        if (loaded === undefined || !(own instanceof loaded.raw.GpuTree)) throw new SplitplaneError("type", "a GpuTree is made by Gpu.build");
         this.#own = own;
-        this.#part = part;
+        this.#part = loaded;
     }
 
     #alive() {
@@ -148,7 +50,7 @@ export class GpuTree {
         try {
             return call(() => own.toBytes(...made, isIndexed));
         } finally {
-            if (crashed === null) for (const words of made) words.free();
+            if (!hasCrashed()) for (const words of made) words.free();
         }
     }
 
@@ -191,9 +93,29 @@ export class GpuTree {
         );
     }
 
+    /** All crossings of rays with surfaces, in order; see index.d.ts. */
+    async allHitsAsync(rays, given) {
+        const own = this.#alive();
+        const known = options(given);
+        const side = choice(known.culling ?? "none", "culling", CULLINGS);
+        const ignore = known.ignore === undefined || known.ignore === null ? NONE : count(known.ignore, "ignore");
+        const most = limit(known.maxMemory);
+        const watch = watcher(known);
+        watch.begin();
+        const [asked] = movedAll(this.#part, [{ ...RAYS, value: rays }]);
+        const all = await watch.later(() => settled(() => own.allHits(asked, side, ignore, most, watch.called)));
+        const parts = [all.starts(), all.crossings()];
+        all.free();
+        try {
+            return allFound(...parts.map((words) => new Uint32Array(this.#part.memory.buffer, words.pointer(), words.length())));
+        } finally {
+            for (const words of parts) words.free();
+        }
+    }
+
     free() {
         if (this.#own !== null) {
-            if (crashed === null) this.#own.free();
+            if (!hasCrashed()) this.#own.free();
             this.#own = null;
         }
     }
@@ -208,15 +130,15 @@ export class Gpu {
     #own;
     #part;
 
-    constructor(own, part) {
-        if (part === undefined || !(own instanceof part.raw.Gpu)) throw new SplitplaneError("type", "a Gpu is made by Gpu.open");
+    constructor(own, loaded) {
+        if (loaded === undefined || !(own instanceof loaded.raw.Gpu)) throw new SplitplaneError("type", "a Gpu is made by Gpu.open");
         this.#own = own;
-        this.#part = part;
+        this.#part = loaded;
     }
 
     static async open(given) {
-        const { timeout, source, hardware = false, signal } = options(given);
-        if (timeout !== undefined && !(number(timeout, "timeout") >= 0)) {
+        const { timeout = TIMEOUT, source, hardware = false, signal } = options(given);
+        if (!(number(timeout, "timeout") >= 0)) {
             throw new SplitplaneError("config", `timeout is ${timeout}, but must be 0 seconds or more`);
         }
         const watch = watcher({ signal });
@@ -224,11 +146,10 @@ export class Gpu {
         if (!globalThis.navigator?.gpu) {
             throw new SplitplaneError("no-webgpu", "there is no WebGPU here; pages have it from https and localhost only, and not in every browser");
         }
-        loading ??= load(source);
-        const part = await loading;
+        const loaded = await part(source);
         watch.begin();
-        const own = await settled(() => part.raw.Gpu.open(timeout, hardware === true));
-        const gpu = new Gpu(own, part);
+        const own = await settled(() => loaded.raw.Gpu.open(timeout, hardware === true));
+        const gpu = new Gpu(own, loaded);
         if (signal?.aborted) {
             gpu.free();
             watch.begin();
@@ -261,6 +182,10 @@ export class Gpu {
         return call(() => this.#alive().lost()) ?? null;
     }
 
+    scene() {
+        return new GpuScene(call(() => this.#alive().scene()), this.#part);
+    }
+
     async build(positions, indices, given) {
         const own = this.#alive();
         const known = options(given);
@@ -275,7 +200,7 @@ export class Gpu {
 
     free() {
         if (this.#own !== null) {
-            if (crashed === null) {
+            if (!hasCrashed()) {
                 this.#own.destroy();
                 this.#own.free();
             }

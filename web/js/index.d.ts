@@ -8,7 +8,7 @@
 
 /** What kind of error it is; `CODES` lists them with their meanings. */
 export type Code =
-    | "not-ready" | "type" | "shape" | "config" | "mesh" | "freed" | "cancelled" | "out-of-memory" | "wrong-mesh"
+    | "not-ready" | "type" | "shape" | "config" | "mesh" | "freed" | "busy" | "cancelled" | "out-of-memory" | "wrong-mesh"
     | "file" | "unknown" | "stale" | "scene" | "no-webgpu" | "device-lost" | "timed-out" | "device" | "build" | "query" | "crashed";
 
 /** Every error that the package throws by itself. `message` is the library's text; after an abort `cause` is the signal's reason. */
@@ -48,7 +48,10 @@ export class WasmArray {
 }
 
 export interface Watched {
-    /** Called now and then with what is being done, how much of it is, and how much there is (0: not known). `false` ends the work. */
+    /**
+     * Called now and then with what is being done, how much of it is, and how much there is (0: not known). `false` ends the work. An object that is
+     * being changed by the work answers nothing meanwhile, and one that is being asked cannot be changed or freed: code `busy`.
+     */
     progress?: (stage: string, done: number, total: number) => boolean | void;
     /**
      * Ends the work with code `cancelled`. A call that is not asynchronous keeps the event loop waiting: then only a signal that is aborted
@@ -185,6 +188,7 @@ export class Tree {
     closestPointsAsync(points: Floats, options?: ClosestPointOptions): Promise<ClosestPoints>;
     closestPointsAsync(points: Floats, options: ClosestPointOptions & Into): Promise<WasmArray>;
     free(): void;
+    [Symbol.dispose](): void;
 }
 
 /** What trees on the CPU and on a GPU have in common. Answers are equal, bit for bit, where the GPU's parity is `bitwise`. */
@@ -201,7 +205,7 @@ export interface AnyTree {
 }
 
 export interface GpuOptions {
-    /** Seconds that opening the device, and later each wait for it, may take: a minute if left out, but half an hour for each wait for software. */
+    /** Seconds that opening the device, each shader that its driver compiles later, and each wait for it may take: 60 if left out. Software may need more. */
     timeout?: number;
     /** Ends the opening with code `cancelled`, at its end. */
     signal?: AbortSignal;
@@ -232,6 +236,8 @@ export class Gpu {
     readonly lost: string | null;
     /** Presets `fast`, `narrow` and `balanced`. `progress` and `signal` end it at any time; `layout` has no meaning here. */
     build(positions: Floats, indices?: Indices, options?: BuildOptions): Promise<GpuTree>;
+    /** A scene of instances that answers on this device. */
+    scene(): GpuScene;
     /** Gives the device back. Its trees keep digest, summary and `toBytes`, and answer no rays. */
     free(): void;
     [Symbol.dispose](): void;
@@ -249,6 +255,11 @@ export class GpuTree implements AnyTree {
     closestHitsAsync(rays: Floats, options: QueryOptions & Into): Promise<WasmArray>;
     anyHitsAsync(rays: Floats, options?: QueryOptions): Promise<Uint8Array>;
     anyHitsAsync(rays: Floats, options: QueryOptions & Into): Promise<WasmArray>;
+    /**
+     * Exact: each crossing of a surface once, also through edges. The device lists triangles; which of them are crossed is decided on the CPU, in one piece
+     * for each 65,536 rays.
+     */
+    allHitsAsync(rays: Floats, options?: Omit<QueryOptions, "accuracy"> & { maxMemory?: number }): Promise<AllHits>;
     free(): void;
     [Symbol.dispose](): void;
 }
@@ -269,6 +280,8 @@ export class Backend {
     readonly reason: string;
     /** Builds a tree. Where `auto` has taken a GPU, preset `best` is built on the CPU, which alone can. */
     build(positions: Floats, indices?: Indices, options?: BuildOptions): Promise<AnyTree>;
+    /** A scene of instances. */
+    scene(): AnyScene;
     free(): void;
     [Symbol.dispose](): void;
 }
@@ -287,8 +300,49 @@ export interface SceneQueryOptions extends Watched {
     ignore?: { instance: number; triangle: number };
 }
 
+/** What scenes on the CPU and on a GPU have in common. */
+export interface AnyScene {
+    /** A copy of a mesh; its name. */
+    addGeometry(positions: Floats, indices?: Indices): number;
+    /** One without instances. */
+    removeGeometry(geometry: number): void;
+    /** `matrix`: from the object to the world; 12 numbers by rows, or 16 by columns as in three.js. Its name. */
+    addInstance(geometry: number, matrix: ArrayLike<number>, options?: { mask?: number; culling?: Culling }): number;
+    moveInstance(instance: number, matrix: ArrayLike<number>): void;
+    removeInstance(instance: number): void;
+    /** Builds what changed. */
+    updateAsync(options?: BuildOptions): Promise<void>;
+    readonly digest: string;
+    closestHitsAsync(rays: Floats, options?: SceneQueryOptions): Promise<SceneHits>;
+    closestHitsAsync(rays: Floats, options: SceneQueryOptions & Into): Promise<WasmArray>;
+    anyHitsAsync(rays: Floats, options?: SceneQueryOptions): Promise<Uint8Array>;
+    anyHitsAsync(rays: Floats, options: SceneQueryOptions & Into): Promise<WasmArray>;
+    free(): void;
+}
+
+/**
+ * Meshes and instances of them on a GPU. Accuracy is `watertight`: others are refused with code `config`. While an update is under way edits and queries are refused with
+ * code `busy`, as is an update while rays are. Free it after use.
+ */
+export class GpuScene implements AnyScene {
+    private constructor();
+    addGeometry(positions: Floats, indices?: Indices): number;
+    removeGeometry(geometry: number): void;
+    addInstance(geometry: number, matrix: ArrayLike<number>, options?: { mask?: number; culling?: Culling }): number;
+    moveInstance(instance: number, matrix: ArrayLike<number>): void;
+    removeInstance(instance: number): void;
+    updateAsync(options?: BuildOptions): Promise<void>;
+    readonly digest: string;
+    closestHitsAsync(rays: Floats, options?: SceneQueryOptions): Promise<SceneHits>;
+    closestHitsAsync(rays: Floats, options: SceneQueryOptions & Into): Promise<WasmArray>;
+    anyHitsAsync(rays: Floats, options?: SceneQueryOptions): Promise<Uint8Array>;
+    anyHitsAsync(rays: Floats, options: SceneQueryOptions & Into): Promise<WasmArray>;
+    free(): void;
+    [Symbol.dispose](): void;
+}
+
 /** Meshes and instances of them. Edit it, `update` it, ask it. Free it after use. */
-export class Scene {
+export class Scene implements AnyScene {
     constructor();
     /** A copy of a mesh; its name. */
     addGeometry(positions: Floats, indices?: Indices): number;
@@ -300,6 +354,8 @@ export class Scene {
     removeInstance(instance: number): void;
     /** Builds what changed. */
     update(options?: BuildOptions): void;
+    /** The same after the event loop has had a turn; the work itself is in one piece. */
+    updateAsync(options?: BuildOptions): Promise<void>;
     readonly digest: string;
     /** `into`: 6 words a ray, t, u, v, triangle, geometry and instance. */
     closestHits(rays: Floats, options?: SceneQueryOptions): SceneHits;
@@ -311,4 +367,5 @@ export class Scene {
     anyHitsAsync(rays: Floats, options?: SceneQueryOptions): Promise<Uint8Array>;
     anyHitsAsync(rays: Floats, options: SceneQueryOptions & Into): Promise<WasmArray>;
     free(): void;
+    [Symbol.dispose](): void;
 }

@@ -6,6 +6,7 @@ export { BACKENDS, Backend } from "./backend.js";
 export { ACCURACIES, CULLINGS, NONE } from "./batch.js";
 export { CODES, SplitplaneError } from "./error.js";
 export { Gpu, GpuTree } from "./gpu.js";
+export { GpuScene } from "./gpu-scene.js";
 export { WasmArray } from "./module.js";
 export { Scene } from "./scene.js";
 export { Tree } from "./tree.js";

@@ -56,9 +56,68 @@ function refuse(what, wanted, value) {
     return new SplitplaneError("type", `${what} must be ${wanted}, but is ${kind(value)}`);
 }
 
+/**
+ * Who calls an object of the compiled part right now. A progress callback runs in the middle of such a call, and may ask the object only what
+ * changes nothing; while the call itself changes the object, nothing at all.
+ */
+export class Calls {
+    #what;
+    #changing = false;
+    #asking = 0;
+
+    constructor(what) {
+        this.#what = what;
+    }
+
+    #refuse(isBusy) {
+        if (!isBusy) return;
+        const how = this.#changing ? "is being changed" : "is being asked";
+        throw new SplitplaneError("busy", `this ${this.#what} ${how}; its progress callback cannot do that`);
+    }
+
+    /** Refuses a question while the object changes. */
+    ask() {
+        this.#refuse(this.#changing);
+    }
+
+    /** Refuses a change, or the end of the object, while it is called. */
+    change() {
+        this.#refuse(this.#changing || this.#asking > 0);
+    }
+
+    /** Asks by something that calls back. */
+    asking(work) {
+        this.ask();
+        this.#asking += 1;
+        try {
+            return work();
+        } finally {
+            this.#asking -= 1;
+        }
+    }
+
+    /** Changes by something that calls back. */
+    changing(work) {
+        this.change();
+        this.#changing = true;
+        try {
+            return work();
+        } finally {
+            this.#changing = false;
+        }
+    }
+}
+
 /** An array of 32-bit words in the module's memory. */
 export class WasmArray {
     #own;
+    #calls = new Calls("WasmArray");
+
+    /** Does work that holds arrays: they cannot be freed meanwhile. */
+    static hold([array, ...rest], work) {
+        if (array === undefined) return work();
+        return array.#calls.asking(() => WasmArray.hold(rest, work));
+    }
 
     constructor(length) {
         if (length instanceof raw.Words) {
@@ -93,6 +152,7 @@ export class WasmArray {
 
     free() {
         if (this.#own !== null) {
+            this.#calls.change();
             this.#own.free();
             this.#own = null;
         }
@@ -154,7 +214,7 @@ export function withArrays(given, work) {
             view.set(value);
             return array;
         });
-        return work(...arrays);
+        return WasmArray.hold(arrays, () => work(...arrays));
     } finally {
         // After a crash there is nothing to be freed.
         if (crashed === null) for (const array of made) array.free();

@@ -99,3 +99,30 @@ export function oneRay(origin, direction, { tMin = 0, tMax = Infinity }) {
     one.ray.floats.set([origin[0], origin[1], origin[2], tMin, direction[0], direction[1], direction[2], tMax]);
     return one;
 }
+
+/** All crossings of a batch: where those of each ray begin, and 5 words each. */
+export function allFound(starts, words) {
+    const total = words.length / 5;
+    const floats = new Float32Array(words.buffer, words.byteOffset, words.length);
+    return {
+        starts: starts.slice(),
+        t: column(floats, total, 5, 0, Float32Array),
+        triangle: column(words, total, 5, 1, Uint32Array),
+        u: column(floats, total, 5, 2, Float32Array),
+        v: column(floats, total, 5, 3, Float32Array),
+        front: column(words, total, 5, 4, Uint8Array),
+    };
+}
+
+/** The hits of a scene, 6 words each. */
+export function sceneHits(words, total) {
+    const floats = new Float32Array(words.buffer, words.byteOffset, words.length);
+    return {
+        t: column(floats, total, 6, 0, Float32Array),
+        u: column(floats, total, 6, 1, Float32Array),
+        v: column(floats, total, 6, 2, Float32Array),
+        triangle: column(words, total, 6, 3, Uint32Array),
+        geometry: column(words, total, 6, 4, Uint32Array),
+        instance: column(words, total, 6, 5, Uint32Array),
+    };
+}

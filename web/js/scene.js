@@ -1,13 +1,14 @@
 import { CULLINGS, NONE, batch, queryOptions } from "./batch.js";
 import { SplitplaneError } from "./error.js";
 import { buildOptions, meshArrays } from "./mesh.js";
-import { call, choice, count, options, raw, watcher, withArrays } from "./module.js";
-import { column } from "./queries.js";
+import { Calls, call, choice, count, options, pause, raw, watcher, withArrays } from "./module.js";
+import { sceneHits } from "./queries.js";
 
-const ALL = 0xffffffff;
+/** All bits of a mask. */
+export const ALL = 0xffffffff;
 
 /** Accuracy, culling, mask, ignored instance and triangle, as the compiled part takes them. */
-function prepare(given) {
+export function prepare(given) {
     const { mask = ALL, ignore } = given;
     count(mask, "mask", ALL);
     const { accuracy, culling, into } = queryOptions({ ...given, ignore: undefined });
@@ -25,14 +26,7 @@ const closest = batch({
     answerWords: (total) => 6 * total,
     prepare,
     ask: (own, rays, hits, first, some, { numbers }) => own.closestHits(rays, hits, first, some, numbers),
-    give: (hits, total) => ({
-        t: column(hits.floats, total, 6, 0, Float32Array),
-        u: column(hits.floats, total, 6, 1, Float32Array),
-        v: column(hits.floats, total, 6, 2, Float32Array),
-        triangle: column(hits.words, total, 6, 3, Uint32Array),
-        geometry: column(hits.words, total, 6, 4, Uint32Array),
-        instance: column(hits.words, total, 6, 5, Uint32Array),
-    }),
+    give: (hits, total) => sceneHits(hits.words, total),
 });
 
 const any = batch({
@@ -46,7 +40,7 @@ const any = batch({
 });
 
 /** Three rows of four, from 12 numbers by rows or the 16 of a column-major matrix, as WebGL and three.js have them. */
-function rows(matrix) {
+export function rows(matrix) {
     const length = matrix?.length;
     if (length !== 12 && length !== 16) {
         throw new SplitplaneError("shape", `a matrix has ${length} numbers, but must have 12 (by rows) or 16 (by columns)`);
@@ -63,6 +57,7 @@ function rows(matrix) {
 /** Instances of meshes; see index.d.ts. */
 export class Scene {
     #own;
+    #calls = new Calls("Scene");
 
     constructor() {
         this.#own = call(() => new raw.Scene());
@@ -70,6 +65,7 @@ export class Scene {
 
     #alive() {
         if (this.#own === null) throw new SplitplaneError("freed", "this Scene was freed");
+        this.#calls.ask();
         return this.#own;
     }
 
@@ -112,7 +108,13 @@ export class Scene {
         const known = options(given);
         const settings = buildOptions(known);
         const watch = watcher(known);
-        watch.run(() => own.update(...settings, watch.called));
+        watch.run(() => this.#calls.changing(() => own.update(...settings, watch.called)));
+    }
+
+    /** The same after the event loop has had a turn; the work itself is in one piece. */
+    async updateAsync(given) {
+        await pause();
+        this.update(given);
     }
 
     get digest() {
@@ -136,7 +138,14 @@ export class Scene {
     }
 
     free() {
-        this.#own?.free();
-        this.#own = null;
+        if (this.#own !== null) {
+            this.#calls.change();
+            this.#own.free();
+            this.#own = null;
+        }
+    }
+
+    [Symbol.dispose ?? Symbol.for("Symbol.dispose")]() {
+        this.free();
     }
 }

@@ -1,8 +1,8 @@
 import { CULLINGS, NONE, queryOptions } from "./batch.js";
 import { SplitplaneError } from "./error.js";
 import { buildOptions, limit, meshArrays } from "./mesh.js";
-import { WasmArray, call, choice, count, options, pause, raw, watcher, withArrays } from "./module.js";
-import { any, closest, column, near, oneRay, windings } from "./queries.js";
+import { Calls, WasmArray, call, choice, count, options, pause, raw, watcher, withArrays } from "./module.js";
+import { allFound, any, closest, near, oneRay, windings } from "./queries.js";
 
 export const SUMMARY = ["triangles", "dropped", "snapped", "peakBytes", "queryBytes", "nodes", "references"];
 
@@ -20,6 +20,7 @@ function built(positions, indices, given, make) {
 /** A tree over a mesh; see index.d.ts. */
 export class Tree {
     #own;
+    #calls = new Calls("Tree");
 
     /** Takes what the compiled part made; users call `Tree.build`. */
     constructor(own) {
@@ -56,12 +57,13 @@ export class Tree {
 
     #alive() {
         if (this.#own === null) throw new SplitplaneError("freed", "this Tree was freed");
+        this.#calls.ask();
         return this.#own;
     }
 
     rebuild(positions, indices, given) {
         const own = this.#alive();
-        built(positions, indices, given, (...all) => own.rebuild(...all));
+        built(positions, indices, given, (...all) => this.#calls.changing(() => own.rebuild(...all)));
     }
 
     toBytes(positions, indices) {
@@ -147,20 +149,12 @@ export class Tree {
         const most = limit(known.maxMemory);
         const watch = watcher(known);
         return withArrays([{ value: rays, what: "rays", type: Float32Array, each: 8 }], (asked) => {
-            const all = watch.run(() => own.allHits(asked.own, asked.length / 8, side, ignore, most, watch.called));
+            const ask = () => own.allHits(asked.own, asked.length / 8, side, ignore, most, watch.called);
+            const all = watch.run(() => this.#calls.asking(ask));
             const [starts, crossings] = [new WasmArray(all.starts()), new WasmArray(all.crossings())];
             all.free();
             try {
-                const total = crossings.length / 5;
-                const { floats, words } = crossings;
-                return {
-                    starts: starts.words.slice(),
-                    t: column(floats, total, 5, 0, Float32Array),
-                    triangle: column(words, total, 5, 1, Uint32Array),
-                    u: column(floats, total, 5, 2, Float32Array),
-                    v: column(floats, total, 5, 3, Float32Array),
-                    front: column(words, total, 5, 4, Uint8Array),
-                };
+                return allFound(starts.words, crossings.words);
             } finally {
                 starts.free();
                 crossings.free();
@@ -169,7 +163,14 @@ export class Tree {
     }
 
     free() {
-        this.#own?.free();
-        this.#own = null;
+        if (this.#own !== null) {
+            this.#calls.change();
+            this.#own.free();
+            this.#own = null;
+        }
+    }
+
+    [Symbol.dispose ?? Symbol.for("Symbol.dispose")]() {
+        this.free();
     }
 }

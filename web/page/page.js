@@ -43,6 +43,10 @@ function job() {
         lights: $("lights").checked,
         accuracy: chosen("accuracy"),
         view: chosen("view"),
+        light: Number($("light").value),
+        by: document.querySelector('input[name="by"]:checked').value,
+        boxes: $("show-boxes").checked ? Number($("boxes").value) : null,
+        judges: $("judges").checked,
     };
 }
 
@@ -53,21 +57,59 @@ function draw() {
 function open(what) {
     complain(null);
     isReady = false;
-    $("measure").disabled = true;
+    for (const id of ["measure", "parity"]) $(id).disabled = true;
     opened = what;
     say(`Opening ${what.name}…`);
     worker.postMessage({ do: "open", ...what, preset: $("preset").value, aspect: 1.6 });
 }
 
-async function openFile(file) {
+/** The name that a URI of a .gltf file has among the files that came with it. */
+const nameOf = (uri) => decodeURIComponent(uri).split("/").pop();
+
+/** The bytes of a file as a URI. */
+function inUri(file) {
+    return new Promise((resolve, reject) => {
+        const reader = new FileReader();
+        reader.onload = () => resolve(`data:application/octet-stream;base64,${reader.result.slice(reader.result.indexOf(",") + 1)}`);
+        reader.onerror = () => reject(reader.error);
+        reader.readAsDataURL(file);
+    });
+}
+
+/** A .gltf file with what it names inside: a page cannot read files by their names. */
+async function wholeGltf(file, others) {
+    let root;
+    try {
+        root = JSON.parse(await file.text());
+    } catch {
+        // The reader says where it is broken.
+        return file.arrayBuffer();
+    }
+    for (const one of [...(root?.buffers ?? []), ...(root?.images ?? [])]) {
+        if (typeof one?.uri !== "string" || one.uri.startsWith("data:")) continue;
+        const found = others.find(({ name }) => name === nameOf(one.uri));
+        if (found === undefined) throw new Error(`it names ${one.uri}; choose that file together with it`);
+        one.uri = await inUri(found);
+    }
+    return new TextEncoder().encode(JSON.stringify(root)).buffer;
+}
+
+const SCENES = /\.(glb|gltf|obj|ply|stl)$/i;
+
+async function openFiles(files) {
     complain(null);
-    if (file.size > about.mostBytes) {
-        complain(`${file.name} has ${whole(file.size)} bytes; ${whole(about.mostBytes)} are the most that this page reads.`);
+    const all = [...files];
+    const file = all.find(({ name }) => SCENES.test(name)) ?? all[0];
+    const bytes = all.reduce((sum, { size }) => sum + size, 0);
+    if (bytes > about.mostBytes) {
+        complain(`${file.name} has ${whole(bytes)} bytes; ${whole(about.mostBytes)} are the most that this page reads.`);
         return;
     }
     try {
         say(`Reading ${file.name}…`);
-        open({ file: await file.arrayBuffer(), name: file.name });
+        const others = all.filter((other) => other !== file);
+        const isText = /\.gltf$/i.test(file.name);
+        open({ file: await (isText ? wholeGltf(file, others) : file.arrayBuffer()), name: file.name });
     } catch (error) {
         complain(`${file.name} cannot be read: ${error.message}`);
     }
@@ -79,10 +121,19 @@ function openBuiltin() {
     open({ builtin: name, name });
 }
 
+/** Pictures by the GPU can be had, or no longer. */
+function offerGpu(isThere) {
+    const [cpu, gpu] = ["cpu", "gpu"].map((name) => document.querySelector(`input[name="by"][value="${name}"]`));
+    gpu.disabled = !isThere;
+    if (!isThere && gpu.checked) cpu.checked = true;
+    $("parity").disabled = !isThere || !isReady;
+}
+
 /** Has the tree built on the GPU too, or no longer. */
 function chooseBackend() {
     const isOn = document.querySelector('input[name="backend"]:checked').value === "gpu";
     for (const id of ["gpu-built", "gpu-digest"]) $(id).textContent = "–";
+    offerGpu(false);
     $("gpu").textContent = isOn ? "Looking for a GPU…" : "";
     delete window.onGpu;
     worker.postMessage({ do: "gpu", isOn, preset: $("preset").value });
@@ -104,6 +155,7 @@ const hears = {
             Object.assign(last, { gpu: { adapter, isSoftware, parity, buildMs: took, firstBuildMs: first, digest } });
         }
         if (state === "failed") $("gpu").textContent = `No tree by the GPU: ${text}. The CPU does the work.`;
+        offerGpu(state === "built");
         if (state === "built" || state === "failed") window.onGpu = { state, text, adapter, parity, digest };
     },
     ready({ scenes, mostBytes, version, instructionSet }) {
@@ -113,9 +165,9 @@ const hears = {
             const asked = new URLSearchParams(location.search).get("scene");
             $("scene").value = scenes.some(({ name }) => name === asked) ? asked : "gallery";
         }
-        if (!("gpu" in navigator)) $("gpu").textContent = "Your browser has no WebGPU here: the CPU does the work.";
-        $("by").textContent = `the CPU, one thread, ${instructionSet}`;
+        $("gpu").textContent = navigator.gpu ? "" : "Your browser has no WebGPU here: the CPU does the work.";
         document.querySelector('input[name="backend"][value="cpu"]').checked = true;
+        offerGpu(false);
         for (const id of ["scene", "file"]) $(id).disabled = false;
         if (opened === null) openBuiltin();
         else say("Choose another scene.");
@@ -129,40 +181,60 @@ const hears = {
     progress({ stage, done, total }) {
         say(`Building the tree: ${stage}${total > 0 ? `, ${Math.round((100 * done) / total)} %` : ""}`);
     },
-    built({ preset, took, digest, nodes, references, bytes }) {
+    built({ preset, took, digest, nodes, references, bytes, deepest }) {
+        $("boxes").max = deepest;
+        $("boxes-told").value = $("boxes").value;
+        offerGpu(false);
         $("built").textContent = milliseconds(took);
         $("digest").textContent = digest;
         for (const id of ["gpu-built", "gpu-digest"]) $(id).textContent = "–";
         delete last.gpu;
         delete window.onGpu;
         for (const number of [0, 1, 2]) $(`time-${number}`).textContent = "";
+        forgetTrade();
         Object.assign(last, { preset, buildMs: took, digest, nodes, references, queryBytes: bytes });
         isReady = true;
         $("measure").disabled = false;
         draw();
     },
-    picture({ width, height, samples, pixels, took, paths, shadows, top, isLast, job }) {
+    picture({ width, height, samples, pixels, edges, took, by, why, paths, shadows, top, isLast, job }) {
         [small.width, small.height] = [width, height];
         small.getContext("2d").putImageData(new ImageData(new Uint8ClampedArray(pixels), width, height), 0, 0);
         if (canvas.width !== job.width || canvas.height !== job.height) [canvas.width, canvas.height] = [job.width, job.height];
         context.imageSmoothingEnabled = width === job.width;
         context.drawImage(small, 0, 0, job.width, job.height);
+        const boxes = edges === null ? 0 : drawBoxes(edges);
         window.firstPicture ??= performance.now();
         if (width !== job.width) return;
         const rays = paths + shadows;
+        const cpu = `the CPU, one thread, ${about.instructionSet}`;
+        $("by").textContent = by === "gpu" ? `the GPU${last.gpu ? `, ${last.gpu.adapter}` : ""}` : why ? `${cpu}, since ${why}` : cpu;
         if (samples === 1 && job.view === 0) {
             $("frame").textContent = `${milliseconds(took)}, ${width} × ${height}`;
             $("rate").textContent = `${(rays / took / 1000).toFixed(2)} million`;
-            $(`time-${job.accuracy}`).textContent = milliseconds(took);
+            if (by === "cpu") $(`time-${job.accuracy}`).textContent = milliseconds(took);
         }
         if (!isLast) return;
         const heat = `what the first ray of each pixel cost, from dark to white: ${whole(top)} nodes and triangles or more`;
-        const shows = job.view === 1 ? heat : `${samples === 1 ? "one sample" : `${samples} samples`} a pixel, ${ACCURACIES[job.accuracy]}`;
+        const [one, many] = job.light === 0 ? ["one sample a pixel", "samples a pixel"] : ["one pass", "passes"];
+        const light = `${["", "paths, ", "photons, "][job.light]}${samples === 1 ? one : `${samples} ${many}`}, ${ACCURACIES[job.accuracy]}`;
+        const told = job.boxes === null ? "" : `; ${whole(boxes)} boxes at depth ${job.boxes}`;
+        const shows = `${job.view === 1 ? heat : light}${told}`;
         say(`${last.scene}: ${shows}`);
         canvas.setAttribute("aria-label", `${last.scene}, ${whole(last.triangles)} triangles; ${shows}`);
-        window.shown = { ...last, ...job, took, rays };
+        window.shown = { ...last, ...job, took, rays, madeBy: by, why, boxCount: boxes };
     },
-    measured({ width, height, rows }) {
+    /** What each accuracy takes in this view, and what it gets wrong. */
+    judged({ rows }) {
+        for (const { accuracy, took, rays, other, lost } of rows) {
+            $(`rate-${accuracy}`).textContent = (rays / took / 1000).toFixed(2);
+            showPart(`other-${accuracy}`, other, rays);
+            showPart(`lost-${accuracy}`, lost, rays);
+        }
+        last.firstRays = rows.map(({ accuracy, took, ...counts }) => ({ accuracy: ACCURACIES[accuracy], ms: took, ...counts }));
+        window.judged = rows;
+    },
+    measured({ width, height, frames: rows, onGpu }) {
         const row = {
             ...last,
             date: new Date().toISOString().slice(0, 10),
@@ -177,14 +249,17 @@ const hears = {
             frames: rows.map(({ accuracy, took, rays }) => ({ accuracy: ACCURACIES[accuracy], ms: took, rays, raysPerSecond: (1000 * rays) / took })),
         };
         rows.forEach(({ accuracy, took }) => ($(`time-${accuracy}`).textContent = milliseconds(took)));
-        const link = document.createElement("a");
-        link.href = URL.createObjectURL(new Blob([`${JSON.stringify(row)}\n`], { type: "application/json" }));
-        link.download = `splitplane-${last.scene.replace(/[^a-z0-9.-]+/gi, "-")}.json`;
-        link.click();
-        setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+        if (onGpu !== null) {
+            row.gpu = { ...row.gpu, ...onGpu };
+            row.parityRow = parityRow(row);
+        }
+        const name = `splitplane-${last.scene.replace(/[^a-z0-9.-]+/gi, "-")}`;
+        if (savesParity && row.parityRow) save(`${name}-parity.md`, `${row.parityRow}\n`, "text/markdown");
+        else save(`${name}.json`, `${JSON.stringify(row)}\n`, "application/json");
         window.measured = row;
         say("Measured, and saved.");
         $("measure").disabled = false;
+        $("parity").disabled = document.querySelector('input[name="by"][value="gpu"]').disabled;
         draw();
     },
     failed({ text, isDead }) {
@@ -193,6 +268,73 @@ const hears = {
         if (isDead) begin();
     },
 };
+
+/** Shows a count as a part of all. */
+function showPart(id, count, all) {
+    $(id).textContent = count === 0 ? "none" : `${((100 * count) / all).toPrecision(2)} %`;
+    $(id).title = `${whole(count)} of ${whole(all)} rays`;
+}
+
+function forgetTrade() {
+    for (const id of ["rate", "other", "lost"]) for (const number of [0, 1, 2]) $(`${id}-${number}`).textContent = "–";
+}
+
+const COLOURS = ["#ffffffb0", "#ffd54acc", "#6fc3ff90"];
+
+/** Draws the edges of boxes over the picture; gives how many boxes there are. */
+function drawBoxes(edges) {
+    for (const [content, colour] of COLOURS.entries()) {
+        context.beginPath();
+        for (let i = 1; i < edges.length; i += 5) {
+            if (edges[i + 4] !== content) continue;
+            context.moveTo(edges[i], edges[i + 1]);
+            context.lineTo(edges[i + 2], edges[i + 3]);
+        }
+        context.lineWidth = 1;
+        context.strokeStyle = colour;
+        context.stroke();
+    }
+    return edges[0];
+}
+
+/** The browser and the system, as far as they say. */
+function machine() {
+    const brands = (navigator.userAgentData?.brands ?? []).filter(({ brand }) => !/not.*brand/i.test(brand));
+    const browser = brands.length > 0 ? brands.map(({ brand, version }) => `${brand} ${version}`).at(-1) : navigator.userAgent;
+    const system = navigator.userAgentData?.platform || (/\(([^;)]+)/.exec(navigator.userAgent)?.[1] ?? "not known");
+    return { browser, system };
+}
+
+/** A row of the table in docs/parity.md. */
+function parityRow({ gpu, digest, scene, triangles, preset, version }) {
+    const { browser, system } = machine();
+    const isSame = gpu.parity === "bitwise" && gpu.digest === digest && gpu.differ === 0 && gpu.pixelsDiffer === 0;
+    const tree = gpu.digest === digest ? "equal" : "NOT equal";
+    const cells = [
+        `${gpu.adapter}, WebGPU${gpu.isSoftware ? ", software" : ""}`, browser, system, isSame ? "bitwise" : "structural", new Date().toISOString().slice(0, 10),
+        `finished tree, against the CPU's digest: ${scene}, ${whole(triangles)} triangles (\`${preset}\`): ${tree}`,
+        `${whole(gpu.rays)} first hits, of which ${whole(gpu.differ)} differ, and ${whole(gpu.pixels)} pixels, of which ${whole(gpu.pixelsDiffer)} differ (demonstration page, version ${version})`,
+    ];
+    return `| ${cells.map((cell) => String(cell).replaceAll("|", "/")).join(" | ")} |`;
+}
+
+function save(name, text, type) {
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(new Blob([text], { type }));
+    link.download = name;
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+}
+
+/** Which of both files the measurements go to. */
+let savesParity = false;
+
+function measure(isParity) {
+    savesParity = isParity;
+    for (const id of ["measure", "parity"]) $(id).disabled = true;
+    say("Measuring…");
+    worker.postMessage({ do: "measure", job: job() });
+}
 
 /** Starts a worker, in the place of one that has ended. */
 function begin() {
@@ -257,7 +399,7 @@ canvas.addEventListener("keydown", (event) => {
 // Settings.
 $("settings").addEventListener("submit", (event) => event.preventDefault());
 $("scene").addEventListener("change", openBuiltin);
-$("file").addEventListener("change", () => $("file").files.length > 0 && openFile($("file").files[0]));
+$("file").addEventListener("change", () => $("file").files.length > 0 && openFiles($("file").files));
 $("preset").addEventListener("change", () => {
     if (!isReady) return;
     isReady = false;
@@ -274,13 +416,20 @@ $("samples").addEventListener("input", () => {
     draw();
 });
 for (const input of document.querySelectorAll('input[name="backend"]')) input.addEventListener("change", chooseBackend);
-for (const input of document.querySelectorAll('input[name="view"], input[name="accuracy"], #lights')) input.addEventListener("change", draw);
-$("home").addEventListener("click", () => move({ home: true }));
-$("measure").addEventListener("click", () => {
-    $("measure").disabled = true;
-    say("Measuring…");
-    worker.postMessage({ do: "measure", job: job() });
+const REDRAW = 'input[name="view"], input[name="accuracy"], input[name="by"], #lights, #show-boxes, #judges';
+for (const input of document.querySelectorAll(REDRAW)) input.addEventListener("change", draw);
+$("boxes").addEventListener("input", () => {
+    $("boxes-told").value = $("boxes").value;
+    $("show-boxes").checked = true;
+    draw();
 });
+$("light").addEventListener("change", () => {
+    $("samples-are").textContent = $("light").value === "0" ? "Samples a pixel" : "Passes";
+    draw();
+});
+$("home").addEventListener("click", () => move({ home: true }));
+$("measure").addEventListener("click", () => measure(false));
+$("parity").addEventListener("click", () => measure(true));
 
 // Files that are dropped anywhere.
 addEventListener("dragover", (event) => {
@@ -291,8 +440,8 @@ addEventListener("dragleave", () => document.body.classList.remove("dropping"));
 addEventListener("drop", (event) => {
     event.preventDefault();
     document.body.classList.remove("dropping");
-    const [file] = event.dataTransfer.files;
-    if (file !== undefined && about !== null) openFile(file);
+    const { files } = event.dataTransfer;
+    if (files.length > 0 && about !== null) openFiles(files);
 });
 
 let waiting = null;

@@ -1,25 +1,30 @@
 // The work: scenes, trees and pictures, away from the page so that it stays alive.
 
-import { Gpu } from "./js/gpu.js";
-import { start } from "./js/module.js";
 import load, * as raw from "./pkg/splitplane.js";
 
 /** Sides of the squares that a pixel of each picture fills, until the last one. */
 const SQUARES = [8, 4, 2, 1];
 /** A picture that takes longer than this is not begun with, in milliseconds. */
 const AT_ONCE = 60;
+/** Seconds that the GPU, or its driver, may take for one thing: software takes minutes for shaders on a busy machine, and who asks for it may wait. */
+const PATIENCE = 300;
+const [WATERTIGHT, EXACT] = [1, 2];
 
 let memory = null;
 let page = null;
 /** What is to be shown; `null` when nothing is, or all is shown. */
 let wanted = null;
 let isDrawing = false;
-/** Whether trees are built on the GPU too; the device, once it is opened; what ends a build there. */
-const gpu = { isOn: false, device: null, ends: null };
-/** A promise while a build on the GPU is timed: pictures wait for it. */
+/** Milliseconds a pixel of the picture before, by who made it. */
+let pace = { cpu: null, gpu: null };
+/**
+ * Whether trees are built on the GPU too; the device, once it is opened; what ends a build there; whether the scene is there; why there is none.
+ */
+const gpu = { isOn: false, device: null, ends: null, isReady: false, why: null };
+/** A promise while something is timed: pictures wait for it. */
 let timing = null;
-/** Milliseconds a pixel of the picture before. */
-let pace = null;
+/** Counts what is wanted, so that work in the background sees that it is out of date. */
+let turn = 0;
 
 const tell = (kind, told, transfer = []) => postMessage({ kind, ...told }, transfer);
 
@@ -35,14 +40,52 @@ function pause() {
     });
 }
 
-function frame(width, height, samples) {
-    const { depth, accuracy, lights, view } = wanted;
+/** A picture's numbers, as the compiled part takes them. */
+const numbers = (job, width, height, samples) =>
+    Uint32Array.of(width, height, samples, job.depth, job.accuracy, Number(job.lights), job.view, job.light);
+
+/** Why the CPU makes a picture that the GPU was asked for; `null` where the GPU does. */
+function withoutGpu(job) {
+    if (job.by !== "gpu") return "";
+    if (gpu.why !== null) return gpu.why;
+    if (!gpu.isReady) return "the scene is not on the GPU yet";
+    if (job.accuracy === EXACT) return "exact pictures on a GPU wait for it between waves, which a page cannot";
+    if (job.light !== 0 && job.view === 0) return "the GPU makes pictures of direct light only";
+    return null;
+}
+
+/** Makes a picture, on the GPU where it can: how long it took, and counts. */
+async function frame(job, width, height, samples) {
+    const asked = numbers(job, width, height, samples);
     const since = performance.now();
-    const told = page.frame(width, height, samples, depth, accuracy, lights, view);
+    const why = withoutGpu(job);
+    let told = null;
+    if (why === null) {
+        try {
+            told = await page.frameOnGpu(asked);
+        } catch (error) {
+            if (isTrap(error)) throw error;
+            leaveGpu(error.message ?? String(error));
+        }
+    }
+    const by = told === null ? "cpu" : "gpu";
+    told ??= page.frame(asked);
     const took = performance.now() - since;
     const counts = { paths: told.paths, shadows: told.shadows, top: told.top };
     told.free();
-    return { took, ...counts };
+    return { took, by, why: by === "gpu" ? null : (gpu.why ?? why), ...counts };
+}
+
+/** The pictures that lead to what is wanted: coarse ones, then more samples. */
+function stepsOf(job) {
+    const steps = SQUARES.map((square) => ({ square, samples: 1 }));
+    const more = [4, job.samples].filter((samples, place) => samples > 1 && (place === 1 || samples < job.samples));
+    if (job.view === 0) for (const samples of more) steps.push({ square: 1, samples });
+    const own = pace[withoutGpu(job) === null ? "gpu" : "cpu"];
+    const tooLong = ({ square }) => own === null || (own * job.width * job.height) / square ** 2 > AT_ONCE;
+    // The finest of the first pictures that comes at once.
+    while (steps.length > 1 && steps[1].samples === 1 && !tooLong(steps[1])) steps.shift();
+    return steps;
 }
 
 async function draw() {
@@ -51,28 +94,44 @@ async function draw() {
     try {
         while (wanted !== null && page !== null) {
             const job = wanted;
-            const steps = SQUARES.map((square) => ({ square, samples: 1 }));
-            const more = [4, job.samples].filter((samples, place) => samples > 1 && (place === 1 || samples < job.samples));
-            if (job.view === 0) for (const samples of more) steps.push({ square: 1, samples });
-            const tooLong = ({ square }) => pace === null || (pace * job.width * job.height) / square ** 2 > AT_ONCE;
-            // The finest of the first pictures that comes at once.
-            while (steps.length > 1 && steps[1].samples === 1 && !tooLong(steps[1])) steps.shift();
+            const steps = stepsOf(job);
             for (const { square, samples } of steps) {
+                const own = page;
                 const [width, height] = [job.width, job.height].map((side) => Math.max(1, Math.ceil(side / square)));
-                const { took, paths, shadows, top } = frame(width, height, samples);
-                pace = took / (width * height * samples);
+                const { took, by, why, paths, shadows, top } = await frame(job, width, height, samples);
+                // Another scene has come while the GPU worked.
+                if (own !== page) break;
+                pace[by] = took / (width * height * samples);
                 const pixels = new Uint8ClampedArray(memory.buffer, page.pixels(), 4 * page.count()).slice();
+                const edges = job.boxes === null ? null : page.boxes(job.boxes, job.width, job.height);
                 const isLast = square === 1 && samples === steps.at(-1).samples;
-                tell("picture", { width, height, samples, pixels: pixels.buffer, took, paths, shadows, top, isLast, job }, [pixels.buffer]);
+                const told = { width, height, samples, pixels: pixels.buffer, edges, took, by, why, paths, shadows, top, isLast, job };
+                tell("picture", told, [pixels.buffer, ...(edges === null ? [] : [edges.buffer])]);
                 await pause();
                 await timing;
                 if (wanted !== job) break;
             }
-            if (wanted === job) wanted = null;
+            if (wanted === job) {
+                wanted = null;
+                if (job.judges) await judge(job);
+            }
         }
     } finally {
         isDrawing = false;
     }
+}
+
+/** What each accuracy takes here, and how far it is from the exact one; another wish ends it. */
+async function judge(job) {
+    const own = turn;
+    const rows = [];
+    for (const accuracy of [EXACT, WATERTIGHT, 0]) {
+        await pause();
+        if (own !== turn || page === null) return;
+        const [took, [rays, other, lost]] = timed(() => page.judge(job.width, job.height, accuracy));
+        rows.push({ accuracy, took, rays, other, lost });
+    }
+    tell("judged", { rows });
 }
 
 /** How long it took, and what came of it. */
@@ -105,57 +164,100 @@ function build(preset, aspect) {
             tell("progress", { stage, done, total });
         }),
     );
-    const [nodes, references, bytes] = page.size();
-    tell("built", { preset, took, digest: page.digest(), nodes, references, bytes });
+    const [nodes, references, bytes, deepest] = page.size();
+    tell("built", { preset, took, digest: page.digest(), nodes, references, bytes, deepest });
 }
 
-/** A tree on the GPU, and how long it took. */
-async function timedOnGpu(...all) {
-    const since = performance.now();
-    const tree = await gpu.device.build(...all);
-    const took = performance.now() - since;
-    const { digest } = tree;
-    tree.free();
-    return { took, digest };
+/** The scene leaves the GPU, and the CPU goes on: `why` is told. */
+function leaveGpu(why) {
+    gpu.isReady = false;
+    gpu.why = why;
+    tell("gpu", { state: "failed", text: why });
+}
+
+/** Opens the GPU, where it is not open; the one that was lost is left. */
+async function openGpu() {
+    if (gpu.device !== null && !gpu.device.lost()) return;
+    tell("gpu", { state: "opening" });
+    gpu.device?.free();
+    gpu.device = null;
+    if (!navigator.gpu) throw new Error("this browser has no WebGPU here");
+    const device = await raw.Gpu.open(PATIENCE, false);
+    if (gpu.device === null) gpu.device = device;
+    else device.free();
 }
 
 /** Builds the tree of the scene on the GPU, twice: the first time takes compiling along. */
 async function buildOnGpu(preset) {
     gpu.ends?.abort();
+    gpu.isReady = false;
+    gpu.why = null;
+    page?.leaveGpu();
     if (!gpu.isOn || page === null) return;
     gpu.ends = new AbortController();
     const { signal } = gpu.ends;
     const own = page;
     let done = () => {};
     try {
-        if (gpu.device === null || gpu.device.lost !== null) {
-            tell("gpu", { state: "opening" });
-            gpu.device?.free();
-            gpu.device = null;
-            // Software takes minutes for the shaders on a busy machine, and who asked for it here may wait.
-            const device = await Gpu.open({ signal, timeout: 300 });
-            if (gpu.device === null) gpu.device = device;
-            else device.free();
-        }
+        await openGpu();
         if (signal.aborted || own !== page) return;
-        const { adapter, isSoftware, parity, difference } = gpu.device;
-        tell("gpu", { state: "building", adapter, isSoftware, parity, difference });
-        const [positions, indices] = [page.positions(), page.indices()];
-        const copied = (words, type) => new type(memory.buffer, words.pointer(), words.length()).slice();
-        const mesh = [copied(positions, Float32Array), copied(indices, Uint32Array)];
-        positions.free();
-        indices.free();
+        const { device } = gpu;
+        const about = { adapter: device.adapter() || "a GPU that the browser does not name", isSoftware: device.isSoftware(), parity: device.parity(), difference: device.difference() };
+        tell("gpu", { state: "building", ...about });
         timing = new Promise((resolve) => (done = resolve));
-        const first = await timedOnGpu(...mesh, { preset, signal });
-        const { took, digest } = await timedOnGpu(...mesh, { preset, signal });
-        tell("gpu", { state: "built", adapter, isSoftware, parity, difference, first: first.took, took, digest });
+        const times = [];
+        let digest = null;
+        for (let round = 0; round < 2; round += 1) {
+            const since = performance.now();
+            digest = await own.buildOnGpu(device, preset, () => signal.aborted);
+            times.push(performance.now() - since);
+            if (signal.aborted || own !== page) return;
+        }
+        gpu.isReady = true;
+        tell("gpu", { state: "built", ...about, first: times[0], took: times[1], digest });
     } catch (error) {
+        if (isTrap(error)) throw error;
         // Another scene, or another choice, has come meanwhile.
-        if (error.code !== "cancelled") tell("gpu", { state: "failed", text: error.message ?? String(error) });
+        if (error.code !== "cancelled" && own === page) leaveGpu(error.message ?? String(error));
     } finally {
         done();
         if (gpu.ends?.signal === signal) timing = null;
     }
+}
+
+/** Each accuracy, alternately; the median of three. And where the scene is on a GPU, its rays against the CPU's. */
+async function measure(job) {
+    const rows = [0, WATERTIGHT, EXACT].map((accuracy) => ({ accuracy, times: [], rays: 0 }));
+    for (let round = 0; round < 3; round += 1) {
+        for (const row of rows) {
+            const asked = { ...job, accuracy: row.accuracy, view: 0, light: 0, by: "cpu" };
+            const { took, paths, shadows } = await frame(asked, job.width, job.height, 1);
+            row.times.push(took);
+            row.rays = paths + shadows;
+        }
+    }
+    const median = (times) => times.toSorted((a, b) => a - b)[1];
+    const frames = rows.map(({ accuracy, times, rays }) => ({ accuracy, took: median(times), rays }));
+    let onGpu = null;
+    if (gpu.isReady) {
+        const asked = numbers({ ...job, accuracy: WATERTIGHT, view: 0, light: 0 }, job.width, job.height, 1);
+        const pixels = () => new Uint32Array(memory.buffer, page.pixels(), page.count()).slice();
+        try {
+            const [rays, differ] = await page.compareWithGpu(job.width, job.height);
+            page.frame(asked).free();
+            const own = pixels();
+            const since = performance.now();
+            (await page.frameOnGpu(asked)).free();
+            const took = performance.now() - since;
+            const found = pixels();
+            const pixelsDiffer = own.reduce((count, pixel, place) => count + Number(pixel !== found[place]), 0);
+            onGpu = { rays, differ, pixels: own.length, pixelsDiffer, took };
+        } catch (error) {
+            if (isTrap(error)) throw error;
+            leaveGpu(error.message ?? String(error));
+        }
+    }
+    tell("measured", { width: job.width, height: job.height, frames, onGpu });
 }
 
 const does = {
@@ -165,17 +267,18 @@ const does = {
     },
     open(message) {
         gpu.ends?.abort();
-        wanted = null;
+        [wanted, turn] = [null, turn + 1];
+        gpu.isReady = false;
         const [took, opened] = timed(() => open(message));
         page = opened;
-        pace = null;
+        pace = { cpu: null, gpu: null };
         tell("opened", { name: message.name, took, triangles: page.triangles(), notes: page.notes() });
         build(message.preset, message.aspect);
         return buildOnGpu(message.preset);
     },
     build({ preset, aspect }) {
         if (page === null) return;
-        wanted = null;
+        [wanted, turn] = [null, turn + 1];
         build(preset, aspect);
         return buildOnGpu(preset);
     },
@@ -186,40 +289,49 @@ const does = {
         if (steps !== 0) page.zoom(steps);
     },
     draw({ job }) {
-        wanted = job;
+        [wanted, turn] = [job, turn + 1];
         return draw();
     },
-    /** Each accuracy, alternately; the median of three. */
-    measure({ job }) {
+    async measure({ job }) {
         if (page === null) return;
-        wanted = null;
-        const rows = [0, 1, 2].map((accuracy) => ({ accuracy, times: [], rays: 0 }));
-        for (let round = 0; round < 3; round += 1) {
-            for (const row of rows) {
-                wanted = { ...job, accuracy: row.accuracy, view: 0 };
-                const { took, paths, shadows } = frame(job.width, job.height, 1);
-                row.times.push(took);
-                row.rays = paths + shadows;
-            }
+        [wanted, turn] = [null, turn + 1];
+        // A picture that the GPU has begun comes first.
+        while (isDrawing) await new Promise((resume) => setTimeout(resume, 5));
+        let done;
+        const own = new Promise((resolve) => (done = resolve));
+        timing = own;
+        try {
+            await measure(job);
+        } finally {
+            done();
+            if (timing === own) timing = null;
         }
-        wanted = null;
-        const median = (times) => times.toSorted((a, b) => a - b)[1];
-        tell("measured", { width: job.width, height: job.height, rows: rows.map(({ accuracy, times, rays }) => ({ accuracy, took: median(times), rays })) });
     },
 };
+
+/** Whether the compiled part has ended: its memory is not to be trusted, and the page starts another worker. */
+function isTrap(error) {
+    return error instanceof WebAssembly.RuntimeError || error instanceof RangeError;
+}
+
+function end(error) {
+    tell("failed", { text: `The compiled part has ended (${error.message ?? error}).`, isDead: true });
+}
+
+// A trap in the middle of a promise is told to nobody else.
+addEventListener("unhandledrejection", ({ reason }) => end(reason));
 
 onmessage = async ({ data }) => {
     try {
         await does[data.do](data);
     } catch (error) {
-        // After a trap the module's memory is not to be trusted: the page starts another worker.
-        tell("failed", { text: error.message ?? String(error), isDead: error instanceof WebAssembly.RuntimeError || error instanceof RangeError });
+        tell("failed", { text: error.message ?? String(error), isDead: isTrap(error) });
     }
 };
 
 try {
     ({ memory } = await load());
-    await start();
+    raw.afterCrash((message) => end({ message }));
     const scenes = raw.Page.builtinScenes();
     const named = scenes.filter((_, place) => place % 2 === 0).map((name, place) => ({ name, shows: scenes[2 * place + 1] }));
     tell("ready", { scenes: named, mostBytes: raw.Page.mostBytes(), version: raw.version(), instructionSet: raw.instructionSet() });

@@ -1,88 +1,84 @@
 // Rays a second on one thread: this package, three-mesh-bvh, and the native library with its portable instruction set, on the same rays
-// in turn, with answers compared. In Node: node scripts/speed.mjs [FILE.obj] [RAYS] [ROUNDS]
+// in turn, with answers compared. In Node, or with --chromium in headless Chromium by the driver in the folder TOOLS:
+// node scripts/speed.mjs [--chromium TOOLS] [FILE.obj] [RAYS] [ROUNDS]
 //
-// The native program is target/release/splitplane above; where it is not built (cargo build --release) it is left out.
+// The native program is target/release/splitplane above, or SPLITPLANE_PROGRAM; where it is not built (cargo build --release) it is left out.
 
 import { execFileSync } from "node:child_process";
 import { existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
-import { cpus, tmpdir } from "node:os";
+import { cpus, loadavg, tmpdir } from "node:os";
 import path from "node:path";
 import { fileURLToPath } from "node:url";
 
-import { BufferAttribute, BufferGeometry, DoubleSide, Ray, Vector3 } from "three";
-import { MeshBVH, SAH } from "three-mesh-bvh";
-
-import { Tree, WasmArray, about, init } from "../js/node.js";
 import { Numbers, sphere } from "../tests/meshes.mjs";
+import { Bench, raySets, readObj } from "./rates.mjs";
 
-const [named, count = "200000", rounds = "5"] = process.argv.slice(2);
+const given = process.argv.slice(2);
+const tools = given[0] === "--chromium" ? given.splice(0, 2)[1] : null;
+const [named, count = "200000", rounds = "5"] = given;
 const file = named || undefined;
-const program = fileURLToPath(new URL("../../target/release/splitplane", import.meta.url));
-
-/** Positions and triangles of an OBJ file: of each face the fan around its first corner. */
-function read(text) {
-    const [positions, indices] = [[], []];
-    for (const line of text.split("\n")) {
-        const words = line.trim().split(/\s+/);
-        if (words[0] === "v") positions.push(...words.slice(1, 4).map(Number));
-        if (words[0] !== "f") continue;
-        const corners = words.slice(1).map((word) => {
-            const number = parseInt(word, 10);
-            return number < 0 ? positions.length / 3 + number : number - 1;
-        });
-        for (let i = 2; i < corners.length; i += 1) indices.push(corners[0], corners[i - 1], corners[i]);
-    }
-    return { positions: Float32Array.from(positions), indices: Uint32Array.from(indices) };
-}
-
-function boundsOf(positions) {
-    const [lo, hi] = [[Infinity, Infinity, Infinity], [-Infinity, -Infinity, -Infinity]];
-    positions.forEach((x, i) => {
-        lo[i % 3] = Math.min(lo[i % 3], x);
-        hi[i % 3] = Math.max(hi[i % 3], x);
-    });
-    return { lo, hi };
-}
-
-/** From a camera, in rows; and from anywhere to anywhere in the box. */
-function raySets({ lo, hi }, total) {
-    const size = Math.hypot(...hi.map((x, axis) => x - lo[axis]));
-    const middle = hi.map((x, axis) => (x + lo[axis]) / 2);
-    const width = Math.ceil(Math.sqrt(total));
-    const [primary, chords] = [new Float32Array(8 * total), new Float32Array(8 * total)];
-    const numbers = new Numbers(3);
-    const within = () => numbers.point(1).map((x, axis) => middle[axis] + (x * (hi[axis] - lo[axis])) / 2);
-    for (let i = 0; i < total; i += 1) {
-        const [x, y] = [(i % width) / width - 0.5, Math.floor(i / width) / width - 0.5];
-        const eye = [middle[0] + 0.3 * size, middle[1] + 0.2 * size, middle[2] + 0.9 * size];
-        const to = [middle[0] + x * size * 0.8, middle[1] - y * size * 0.8, middle[2]];
-        primary.set([...eye, 0, ...to.map((part, axis) => part - eye[axis]), Infinity], 8 * i);
-        const [a, b] = [within(), within()];
-        chords.set([...a, 0, ...b.map((part, axis) => part - a[axis]), Infinity], 8 * i);
-    }
-    return { primary, chords };
-}
-
-await init();
-const mesh = file === undefined ? sphere(150) : read(readFileSync(file, "utf8"));
+const program = process.env.SPLITPLANE_PROGRAM ?? fileURLToPath(new URL("../../target/release/splitplane", import.meta.url));
+const mesh = file === undefined ? sphere(150) : readObj(readFileSync(file, "utf8"));
 const { positions, indices } = mesh;
-const sets = raySets(boundsOf(positions), Number(count));
-const timed = (work) => {
-    const since = performance.now();
-    work();
-    return performance.now() - since;
-};
+const sets = raySets(positions, Number(count), new Numbers(3));
 const median = (times) => times.toSorted((a, b) => a - b)[times.length >> 1];
 
-let tree = null;
-const own = timed(() => (tree = Tree.build(positions, indices, { preset: "balanced" })));
-const geometry = new BufferGeometry();
-geometry.setAttribute("position", new BufferAttribute(positions, 3));
-geometry.setIndex(new BufferAttribute(indices.slice(), 1));
-let bvh = null;
-const theirs = timed(() => (bvh = new MeshBVH(geometry, { strategy: SAH, indirect: true })));
-console.log(`${file ?? "a sphere"}: ${indices.length / 3} triangles, ${count} rays, median of ${rounds} rounds; ${about().instructionSet}; ${cpus()[0].model}`);
-console.log(`build: splitplane ${own.toFixed(0)} ms, three-mesh-bvh (SAH) ${theirs.toFixed(0)} ms; digest ${tree.digest}`);
+/** The bench in this process. */
+async function here() {
+    const [api, three, theirs] = await Promise.all([import("../js/node.js"), import("three"), import("three-mesh-bvh")]);
+    await api.init();
+    const bench = new Bench(api, three, theirs, mesh);
+    const { digest } = bench.tree;
+    return {
+        where: `Node ${process.version}`, builds: bench.builds, digest, instructionSet: api.about().instructionSet,
+        take: (name) => bench.take(sets[name]),
+        round: () => bench.round(),
+        answers: () => ({ differ: bench.differ(), hits: Buffer.from(bench.into.bytes) }),
+        end() {},
+    };
+}
+
+/** The bench in a page. */
+async function inChromium() {
+    const { launch, serve } = await import("../tests/chromium.mjs");
+    const server = await serve();
+    const browser = await launch(tools);
+    const page = await browser.newPage();
+    page.setDefaultTimeout(600_000);
+    await page.goto(`${server.root}/blank.html`);
+    await page.addScriptTag({
+        type: "importmap",
+        content: JSON.stringify({ imports: { three: "/node_modules/three/build/three.module.js", "three-mesh-bvh": "/node_modules/three-mesh-bvh/build/index.module.js" } }),
+    });
+    // Both make the same rays of the same mesh: whole numbers in, and single operations.
+    const told = await page.evaluate(async ([text, count]) => {
+        const [api, three, theirs, { Bench, raySets, readObj }, { Numbers, sphere }] = await Promise.all(
+            ["/js/index.js", "three", "three-mesh-bvh", "/scripts/rates.mjs", "/tests/meshes.mjs"].map((name) => import(name)));
+        await api.init();
+        const mesh = text === null ? sphere(150) : readObj(text);
+        window.sets = raySets(mesh.positions, count, new Numbers(3));
+        window.bench = new Bench(api, three, theirs, mesh);
+        return { builds: bench.builds, digest: bench.tree.digest, instructionSet: api.about().instructionSet };
+    }, [file === undefined ? null : readFileSync(file, "utf8"), Number(count)]);
+    return {
+        where: `Chromium ${browser.version()}`, ...told,
+        take: (name) => page.evaluate((name) => bench.take(sets[name]), name),
+        round: () => page.evaluate(() => bench.round()),
+        async answers() {
+            const [differ, hits] = await page.evaluate(() => [bench.differ(), Array.from(bench.into.words)]);
+            return { differ, hits: Buffer.from(Uint32Array.from(hits).buffer) };
+        },
+        async end() {
+            await browser.close();
+            server.close();
+        },
+    };
+}
+
+const bench = await (tools === null ? here() : inChromium());
+const load = () => `load ${loadavg()[0].toFixed(1)}`;
+console.log(`${file ?? "a sphere"}: ${indices.length / 3} triangles, ${count} rays, median of ${rounds} rounds; ${bench.where}, ${bench.instructionSet}; ${cpus()[0].model}, ${load()}`);
+console.log(`build: splitplane ${bench.builds[0].toFixed(0)} ms, three-mesh-bvh (SAH) ${bench.builds[1].toFixed(0)} ms; digest ${bench.digest}`);
 
 const folder = mkdtempSync(path.join(tmpdir(), "splitplane-"));
 try {
@@ -93,62 +89,33 @@ try {
         writeFileSync(path.join(folder, "mesh.obj"), rows(positions, "v", 0) + rows(indices, "f", 1));
     } else console.log(`native: left out, there is no ${program}`);
     for (const [name, rays] of Object.entries(sets)) {
+        await bench.take(name);
         const total = rays.length / 8;
-        const [asked, into] = [new WasmArray(rays.length), new WasmArray(4 * total)];
-        asked.floats.set(rays);
-        const t = new Float32Array(total);
-        const ray = new Ray(new Vector3(), new Vector3());
-        const lengths = new Float64Array(total);
-        const directions = new Float64Array(3 * total);
-        for (let i = 0; i < total; i += 1) {
-            const direction = rays.subarray(8 * i + 4, 8 * i + 7);
-            lengths[i] = Math.hypot(...direction);
-            for (let axis = 0; axis < 3; axis += 1) directions[3 * i + axis] = direction[axis] / lengths[i];
-        }
-        const ways = {
-            "splitplane, a batch": () => tree.closestHits(asked, { into }),
-            "splitplane, ray by ray": () => {
-                for (let i = 0; i < total; i += 1) tree.closestHit(rays.subarray(8 * i, 8 * i + 3), rays.subarray(8 * i + 4, 8 * i + 7));
-            },
-            "three-mesh-bvh, ray by ray": () => {
-                for (let i = 0; i < total; i += 1) {
-                    ray.origin.set(rays[8 * i], rays[8 * i + 1], rays[8 * i + 2]);
-                    ray.direction.set(directions[3 * i], directions[3 * i + 1], directions[3 * i + 2]);
-                    t[i] = (bvh.raycastFirst(ray, DoubleSide)?.distance ?? Infinity) / lengths[i];
-                }
-            },
-        };
-        const times = Object.fromEntries(Object.keys(ways).map((way) => [way, []]));
+        const times = {};
         const native = [];
         const rayFile = path.join(folder, `${name}.f32`);
         // Files of rays have both limits at the end.
         const inFile = rays.map((_, i) => rays[i - (i % 8) + [0, 1, 2, 4, 5, 6, 3, 7][i % 8]]);
         if (hasNative) writeFileSync(rayFile, Buffer.from(inFile.buffer));
         for (let round = 0; round < Number(rounds); round += 1) {
-            for (const [way, work] of Object.entries(ways)) times[way].push(timed(work));
+            for (const [way, time] of Object.entries(await bench.round())) (times[way] ??= []).push(time);
             if (!hasNative) continue;
             const ask = ["query", path.join(folder, "mesh.obj"), "--backend", "cpu", "--preset", "balanced", "--rays", rayFile, "--repeat", "3", "--threads", "1", "--json", "--hits", path.join(folder, "hits.raw")];
             const told = execFileSync(program, ask, { env: { ...process.env, SPLITPLANE_ISA: "portable" }, stdio: ["ignore", "pipe", "ignore"] });
             native.push(JSON.parse(told).trace_ms);
         }
-        let differ = 0;
-        for (let i = 0; i < total; i += 1) {
-            const [a, b] = [into.floats[4 * i], t[i]];
-            if (!(a === b || Math.abs(a - b) <= 1e-4 * Math.max(1, Math.abs(a)))) differ += 1;
-        }
+        const { differ, hits } = await bench.answers();
         const rate = (time) => total / time / 1000;
         const batch = median(times["splitplane, a batch"]);
         console.log(`${name}:`);
         for (const [way, all] of Object.entries(times)) console.log(`  ${way}: ${rate(median(all)).toFixed(3)} million rays/s`);
-        console.log(`  a batch over three-mesh-bvh: ${(median(times["three-mesh-bvh, ray by ray"]) / batch).toFixed(2)}; rays that differ: ${differ} of ${total}`);
+        console.log(`  a batch over three-mesh-bvh: ${(median(times["three-mesh-bvh, ray by ray"]) / batch).toFixed(2)}; rays that differ: ${differ} of ${total}; ${load()}`);
         if (hasNative) {
-            const hits = readFileSync(path.join(folder, "hits.raw"));
-            const equal = Buffer.compare(hits, Buffer.from(into.bytes)) === 0;
+            const equal = Buffer.compare(readFileSync(path.join(folder, "hits.raw")), hits) === 0;
             console.log(`  native, portable: ${rate(median(native)).toFixed(3)} million rays/s; a batch over it: ${(median(native) / batch).toFixed(2)}; hits are ${equal ? "" : "NOT "}equal, byte for byte`);
         }
-        asked.free();
-        into.free();
     }
 } finally {
     rmSync(folder, { recursive: true });
+    await bench.end();
 }

@@ -110,6 +110,7 @@ impl From<SceneBuildError> for Failure {
     fn from(error: SceneBuildError) -> Failure {
         let code = match &error {
             SceneBuildError::Geometry { error, .. } => build_code(error),
+            SceneBuildError::Device(error) => device_code(error),
             SceneBuildError::OutOfMemory { .. } => "out-of-memory",
             SceneBuildError::Cancelled { .. } => "cancelled",
             _ => "scene",

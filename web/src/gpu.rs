@@ -7,12 +7,14 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use js_sys::{Function, Promise, Uint8Array};
-use splitplane::{Accelerator, BuildOptions, Hit, QueryOptions, Ray};
+use splitplane::{Accelerator, AllHitsOptions, BuildOptions, Hit, QueryOptions, Ray};
 use splitplane_wgpu::{OpenOptions, Parity, WgpuAccelerator, WgpuBackend};
 use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::future_to_promise;
 
+use crate::crossings::Crossings;
 use crate::failure::Failure;
+use crate::gpu_scene::GpuScene;
 use crate::mesh::{file_of, mesh};
 use crate::named::{build_options, query_options};
 use crate::progress::Called;
@@ -98,6 +100,11 @@ impl Gpu {
         self.backend.gpu().device().destroy();
     }
 
+    /// A scene without anything, for this device.
+    pub fn scene(&self) -> GpuScene {
+        GpuScene::new(Rc::clone(&self.backend))
+    }
+
     /// Builds a tree: a promise of a [`GpuTree`].
     pub fn build(
         &self,
@@ -118,6 +125,14 @@ impl Gpu {
             let built = backend.build_accelerator_async(&mesh, &options).await;
             Ok(GpuTree { accelerator: Rc::new(built.map_err(Failure::from)?) }.into())
         }))
+    }
+}
+
+#[cfg(feature = "page")]
+impl Gpu {
+    /// What trees are built by, and pictures made.
+    pub(crate) fn backend(&self) -> &WgpuBackend {
+        &self.backend
     }
 }
 
@@ -183,6 +198,30 @@ impl GpuTree {
             let found: &mut [Hit] = bytemuck::cast_slice_mut(&mut hits);
             accelerator.closest_hits_async(rays, found, &options).await.map_err(Failure::from)?;
             Ok(Words::of(bytemuck::allocation::cast_vec(hits)).into())
+        }))
+    }
+
+    /// All crossings of rays of 8 words, in order, and exactly: a promise of an [`Crossings`]. What the device leaves is decided here, in one piece.
+    #[wasm_bindgen(js_name = allHits)]
+    pub fn all_hits(
+        &self,
+        rays: Words,
+        side: u32,
+        ignore: u32,
+        max_memory: Option<f64>,
+        called: Option<Function>,
+    ) -> Result<Promise, JsValue> {
+        let query = query_options(0, side, ignore)?;
+        let max_memory = max_memory.map(|bytes| bytes as u64);
+        let accelerator = Rc::clone(&self.accelerator);
+        Ok(future_to_promise(async move {
+            let rays: &[Ray] = rays.part("rays", 0, (rays.length() / 8) as u32)?;
+            let called = called.map(Called::new);
+            let watch = called.as_ref().map(Called::watch);
+            let (culling, ignore) = (query.culling, query.ignore);
+            let options = AllHitsOptions { culling, ignore, max_memory, watch };
+            let all = accelerator.all_hits_async(rays, &options).await.map_err(Failure::from)?;
+            Ok(Crossings::of(&all)?.into())
         }))
     }
 

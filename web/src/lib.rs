@@ -1,9 +1,12 @@
 //! What the JavaScript of the package calls: numbers in and out through arrays in the module's memory, errors as exceptions with a
 //! code. Users see the classes in `js/`, which check types and lengths, and give options names.
 
+mod crossings;
 mod failure;
 #[cfg(feature = "gpu")]
 mod gpu;
+#[cfg(feature = "gpu")]
+mod gpu_scene;
 mod mesh;
 mod named;
 #[cfg(feature = "page")]

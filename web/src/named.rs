@@ -1,5 +1,6 @@
 //! Options by their names and numbers.
 
+use splitplane::objects::{IgnoredTriangle, InstanceId, SceneOptions};
 use splitplane::{Accuracy, BuildOptions, Culling, Preset, QueryLayout, QueryOptions};
 
 use crate::failure::Failure;
@@ -50,4 +51,26 @@ pub(crate) fn query_options(
     let ignore = (ignore != NONE).then_some(ignore);
     let (accuracy, culling) = (accuracy(test)?, culling(side)?);
     Ok(QueryOptions { accuracy, culling, ignore, ..QueryOptions::default() })
+}
+
+/// Three rows of four numbers, from an object to the world.
+pub(crate) fn transform(numbers: &[f32]) -> Result<[[f32; 4]; 3], Failure> {
+    match numbers.as_chunks::<4>() {
+        ([one, two, three], []) => Ok([*one, *two, *three]),
+        _ => Err(Failure::new(
+            "shape",
+            format!("a transform has {} numbers, but must have 12", numbers.len()),
+        )),
+    }
+}
+
+/// Numbers of accuracy, culling, mask, and the ignored instance and triangle.
+pub(crate) fn scene_options(numbers: &[u32]) -> Result<SceneOptions<'static>, Failure> {
+    let &[test, side, mask, instance, triangle] = numbers else {
+        return Err(Failure::new("config", "the options of a scene's query are five numbers"));
+    };
+    let (accuracy, culling) = (accuracy(test)?, culling(side)?);
+    let ignore =
+        (instance != NONE).then_some(IgnoredTriangle { instance: InstanceId(instance), triangle });
+    Ok(SceneOptions { accuracy, culling, mask, ignore, ..SceneOptions::default() })
 }

@@ -1,22 +1,32 @@
 //! What the demonstration page calls, in a worker: a scene, its tree, and pictures of it.
 
+mod boxes;
+mod files;
 mod heat;
+mod judge;
+mod on_gpu;
 mod orbit;
+mod picture;
+
+use std::cell::RefCell;
+use std::rc::Rc;
 
 use js_sys::Function;
-use splitplane::render::{Outputs, RenderSettings, Size};
-use splitplane::scene::{Placement, Scene, View, builtin, obj};
-use splitplane::tracer::{FrameRequest, Tracer, TracerError};
-use splitplane::{BuildOptions, CpuBackend, QueryOptions};
-use splitplane_scene::ply;
-use std::path::Path;
+use splitplane::render::RenderSettings;
+use splitplane::render::layout::FirstHit;
+use splitplane::scene::{Placement, Scene, View, builtin};
+use splitplane::tracer::{Tracer, TracerError};
+use splitplane::{BuildOptions, CpuBackend};
 use wasm_bindgen::prelude::*;
 
 use crate::failure::Failure;
-use crate::named::{accuracy, build_options};
+use crate::named::build_options;
 use crate::progress::watched;
-use crate::words::{Words, zeros};
+use crate::words::Words;
+use boxes::Level;
 use orbit::Orbit;
+use picture::Told;
+use picture::Wanted;
 
 /// Most bytes of a file that is read: what is made of them takes several times as many, of the 4 GiB that a module can have.
 const MOST_BYTES: u32 = 384 << 20;
@@ -24,56 +34,46 @@ const MOST_BYTES: u32 = 384 << 20;
 /// A scene whose tree is built.
 #[wasm_bindgen]
 pub struct Page {
-    scene: Scene,
+    /// Shared with work on a GPU that is under way.
+    scene: Rc<Scene>,
     tracer: Option<Tracer>,
+    /// The same scene on a GPU. Work that is under way has taken it.
+    on_gpu: Rc<RefCell<Option<Tracer>>>,
     orbit: Option<Orbit>,
     settings: RenderSettings,
     has_own_lights: bool,
-    pixels: Vec<u32>,
-}
-
-/// What a frame took, in counts.
-#[wasm_bindgen]
-#[derive(Clone, Copy)]
-pub struct Told {
-    /// Camera, reflected and refracted rays.
-    pub paths: f64,
-    /// Rays towards lights.
-    pub shadows: f64,
-    /// Of a heat map the cost of the brightest colour, else 0.
-    pub top: f64,
+    /// The last picture, on either.
+    pixels: Rc<RefCell<Vec<u32>>>,
+    /// Exact first hits, to judge others by.
+    exact: Vec<FirstHit>,
+    level: Option<Level>,
 }
 
 impl From<TracerError> for Failure {
     fn from(error: TracerError) -> Failure {
+        use splitplane::render::RenderError;
         match error {
             TracerError::Build(error) => error.into(),
             TracerError::Scene(error) => error.into(),
+            TracerError::Render(RenderError::Gpu(error)) => error.into(),
             error => Failure::new("query", error.to_string()),
         }
     }
 }
 
-fn scene(bytes: &[u8], name: &str) -> Result<Scene, Failure> {
-    let path = Path::new(name);
-    let ending = path.extension().unwrap_or_default();
-    if ending.eq_ignore_ascii_case("ply") {
-        return ply::parse(bytes, path).map_err(|error| Failure::new("file", error.to_string()));
-    }
-    if !ending.eq_ignore_ascii_case("obj") {
-        let text = format!("the page reads .obj and .ply files, and `{name}` is neither");
-        return Err(Failure::new("file", text));
-    }
-    let text = std::str::from_utf8(bytes)
-        .map_err(|error| Failure::new("file", format!("the file is no text: {error}")))?;
-    obj::parse(text, name).map_err(|error| Failure::new("file", error.to_string()))
-}
-
 impl Page {
     fn of(scene: Scene) -> Page {
-        let has_own_lights = scene.is_lit();
-        let settings = RenderSettings::default();
-        Page { scene, tracer: None, orbit: None, settings, has_own_lights, pixels: Vec::new() }
+        Page {
+            has_own_lights: scene.is_lit(),
+            scene: Rc::new(scene),
+            tracer: None,
+            on_gpu: Rc::default(),
+            orbit: None,
+            settings: RenderSettings::default(),
+            pixels: Rc::default(),
+            exact: Vec::new(),
+            level: None,
+        }
     }
 
     fn ready(&mut self) -> Result<(&Scene, &mut Tracer, &mut Orbit), Failure> {
@@ -105,8 +105,8 @@ impl Page {
         Ok(Page::of(scene.map_err(|error| Failure::new("file", error.to_string()))?))
     }
 
-    /// The scene of an OBJ or PLY file, `length` bytes from the start of `file`, by the ending of its name. Materials are clay: files that an
-    /// OBJ file names are not read.
+    /// The scene of a glTF, OBJ, PLY or STL file, `length` bytes from the start of `file`, by the ending of its name. Files that it names are not
+    /// read: materials of OBJ files are clay, and a .gltf file has its buffers and pictures inside.
     pub fn read(file: &Words, length: u32, name: &str) -> Result<Page, JsValue> {
         let bytes = file.bytes().get(..length as usize);
         let bytes = bytes.ok_or_else(|| Failure::range("file", 0, length, file.bytes().len()))?;
@@ -115,28 +115,12 @@ impl Page {
                 format!("the file has {length} bytes, and {MOST_BYTES} are the most that are read");
             return Err(Failure::new("file", text).into());
         }
-        Ok(Page::of(scene(bytes, name)?))
+        Ok(Page::of(files::scene(bytes, name)?))
     }
 
     /// How many triangles.
     pub fn triangles(&self) -> usize {
         self.scene.indices.len()
-    }
-
-    /// The scene's vertices, three floats each: a copy.
-    pub fn positions(&self) -> Result<Words, JsValue> {
-        let from: &[u32] = bytemuck::cast_slice(&self.scene.positions);
-        let mut words = zeros(from.len())?;
-        words.copy_from_slice(from);
-        Ok(Words::of(words))
-    }
-
-    /// The scene's triangles, three indices each: a copy.
-    pub fn indices(&self) -> Result<Words, JsValue> {
-        let from = self.scene.indices.as_flattened();
-        let mut words = zeros(from.len())?;
-        words.copy_from_slice(from);
-        Ok(Words::of(words))
     }
 
     /// What reading left out or found odd, as sentences.
@@ -152,7 +136,9 @@ impl Page {
         called: Option<Function>,
     ) -> Result<(), JsValue> {
         let options = build_options(preset, "fast", None)?;
-        let (scene, kept) = (&mut self.scene, self.tracer.take());
+        (self.level, self.exact) = (None, Vec::new());
+        let kept = self.tracer.take();
+        let scene = &self.scene;
         let mesh = scene.mesh().map_err(Failure::from)?;
         let mut tracer = watched(called, |watch| {
             let options = BuildOptions { watch, ..options };
@@ -165,7 +151,6 @@ impl Page {
             let accelerator =
                 tracer.accelerator().ok_or_else(|| Failure::new("build", "no tree"))?;
             let placed = Placement::of(scene, accelerator, aspect).map_err(Failure::from)?;
-            scene.lights.clone_from(&placed.lights);
             if !self.has_own_lights {
                 self.settings.headlight = RenderSettings::PLACED_HEADLIGHT;
             }
@@ -174,9 +159,10 @@ impl Page {
             }
             let orbit = Orbit::new(placed.camera, placed.view == View::Inside, accelerator);
             self.orbit = Some(orbit);
+            Rc::make_mut(&mut self.scene).lights = placed.lights;
         }
-        let mesh = scene.mesh().map_err(Failure::from)?;
-        tracer.update_appearance(&mesh, &scene.appearance()).map_err(Failure::from)?;
+        let mesh = self.scene.mesh().map_err(Failure::from)?;
+        tracer.update_appearance(&mesh, &self.scene.appearance()).map_err(Failure::from)?;
         self.tracer = Some(tracer);
         Ok(())
     }
@@ -187,12 +173,15 @@ impl Page {
         Ok(tracer.digest().map_err(Failure::from)?.to_string())
     }
 
-    /// Nodes, references, and bytes of queries.
+    /// Nodes, references, bytes of queries, and the depth of the deepest node.
     pub fn size(&mut self) -> Result<Vec<f64>, JsValue> {
         let (_, tracer, _) = self.ready()?;
         let tree = tracer.accelerator().ok_or_else(|| Failure::new("build", "no tree"))?;
+        let mut deepest = 0;
+        tree.tree().view().walk(|_, _, _, depth| deepest = deepest.max(depth));
         let (nodes, references) = (tree.tree().nodes.len(), tree.tree().references.len());
-        Ok(vec![nodes as f64, references as f64, tree.query_bytes() as f64])
+        let bytes = tree.query_bytes();
+        Ok(vec![nodes as f64, references as f64, bytes as f64, f64::from(deepest)])
     }
 
     /// Turns the camera about the middle of the picture, by parts of its height.
@@ -213,65 +202,61 @@ impl Page {
         Ok(())
     }
 
-    /// Makes a picture; [`Page::pixels`] has it. `view` is 0 for light, 1 for what the first ray of each pixel cost. Without `lights` no
-    /// light casts shadows, and a lamp at the eye shines instead.
-    #[expect(clippy::too_many_arguments, reason = "what JavaScript hands over, one by one")]
-    pub fn frame(
-        &mut self,
-        width: u32,
-        height: u32,
-        samples: u32,
-        depth: u32,
-        test: u32,
-        lights: bool,
-        view: u32,
-    ) -> Result<Told, JsValue> {
-        let size = Size::new(width, height);
-        let size = size.map_err(|error| Failure::new("config", error.to_string()))?;
-        let mut settings = RenderSettings { samples, depth, ..self.settings };
-        if !lights {
-            (settings.area_samples, settings.headlight) = (0, 1.0);
-        }
-        let costs = view == 1;
+    /// Makes a picture; [`Page::pixels`] has it. `numbers` are those of [`Wanted`].
+    pub fn frame(&mut self, numbers: &[u32]) -> Result<Told, JsValue> {
+        let wanted = Wanted::of(numbers)?;
+        let settings = wanted.settings(self.settings);
+        let pixels = Rc::clone(&self.pixels);
         let (scene, tracer, orbit) = self.ready()?;
-        let unlit = splitplane::render::Appearance { lights: &[], ..scene.appearance() };
-        let appearance = if lights { scene.appearance() } else { unlit };
+        let request = wanted.request(settings, orbit.camera());
         let mesh = scene.mesh().map_err(Failure::from)?;
-        tracer.update_appearance(&mesh, &appearance).map_err(Failure::from)?;
-        let query = QueryOptions { accuracy: accuracy(test)?, ..QueryOptions::default() };
-        let none = Outputs { pixels: false, radiance: false, first_hits: false, first_costs: true };
-        let outputs = if costs { none } else { Outputs::PIXELS };
-        let request = FrameRequest {
-            settings,
-            outputs,
-            query,
-            ..FrameRequest::new(orbit.camera().pinhole(size), size)
-        };
+        tracer.update_appearance(&mesh, &wanted.appearance(scene)).map_err(Failure::from)?;
         let frame = tracer.frame(&mesh, &request).map_err(Failure::from)?;
-        let mut told = Told {
-            paths: frame.stats().paths as f64,
-            shadows: frame.stats().shadow_rays as f64,
-            top: 0.0,
-        };
-        let count = size.pixels() as usize;
-        let mut pixels: Vec<u32> = zeros(count)?;
-        if costs {
-            let costs = frame.first_costs().map_err(Failure::from)?;
-            told.top = heat::paint(&costs, &mut pixels);
-        } else {
-            pixels.copy_from_slice(&frame.pixels().map_err(Failure::from)?);
-        }
-        self.pixels = pixels;
-        Ok(told)
+        Ok(picture::take(&frame, &wanted, &pixels)?)
     }
 
     /// Where the last picture is in the module's memory: a word a pixel, red in the lowest byte, row by row from the top left.
     pub fn pixels(&self) -> usize {
-        self.pixels.as_ptr() as usize
+        self.pixels.borrow().as_ptr() as usize
     }
 
     /// How many pixels it has.
     pub fn count(&self) -> usize {
-        self.pixels.len()
+        self.pixels.borrow().len()
+    }
+
+    /// The boxes of the tree's nodes at a depth, in a picture of this size: five floats an edge, both ends in pixels, and 0 for a box of more
+    /// nodes, 1 for a leaf and 2 for an empty one. Of very many boxes the largest are shown; the first number is how many there are.
+    pub fn boxes(&mut self, depth: u32, width: u32, height: u32) -> Result<Vec<f32>, JsValue> {
+        let size = picture::size(width, height)?;
+        let known = self.level.take().filter(|level| level.depth() == depth);
+        let (_, tracer, orbit) = self.ready()?;
+        let tree = tracer.accelerator().ok_or_else(|| Failure::new("build", "no tree"))?;
+        let level = known.unwrap_or_else(|| Level::of(&tree.tree().view(), depth));
+        let edges = level.edges(&orbit.camera().pinhole(size), size);
+        self.level = Some(level);
+        Ok(edges)
+    }
+
+    /// Traces the first ray of each pixel by an accuracy, and judges it by what `exact` found, which comes first: the numbers of rays, of those
+    /// that find another triangle, and of those that find nothing where there is something.
+    pub fn judge(&mut self, width: u32, height: u32, test: u32) -> Result<Vec<f64>, JsValue> {
+        let size = picture::size(width, height)?;
+        let settings = self.settings;
+        let mut exact = std::mem::take(&mut self.exact);
+        let (scene, tracer, orbit) = self.ready()?;
+        let request = judge::request(settings, orbit.camera(), size, test)?;
+        let mesh = scene.mesh().map_err(Failure::from)?;
+        let frame = tracer.frame(&mesh, &request).map_err(Failure::from)?;
+        let hits = frame.first_hits().map_err(Failure::from)?;
+        if test == judge::EXACT {
+            exact = hits.into_owned();
+            self.exact = exact;
+            return Ok(vec![self.exact.len() as f64, 0.0, 0.0]);
+        }
+        let told = judge::judge(&hits, &exact)?;
+        drop(hits);
+        self.exact = exact;
+        Ok(told)
     }
 }

@@ -6,7 +6,7 @@ use js_sys::Function;
 use splitplane::Progress;
 use wasm_bindgen::JsValue;
 
-#[cfg(not(feature = "gpu"))]
+#[cfg(any(feature = "page", not(feature = "gpu")))]
 pub(crate) use at_once::watched;
 #[cfg(feature = "gpu")]
 pub(crate) use waiting::Called;
@@ -21,7 +21,7 @@ fn call(called: &Function, progress: &Progress) -> ControlFlow<()> {
 }
 
 /// Functions of work that is done in one piece.
-#[cfg(not(feature = "gpu"))]
+#[cfg(any(feature = "page", not(feature = "gpu")))]
 mod at_once {
     use std::cell::RefCell;
     use std::ops::ControlFlow;

@@ -2,15 +2,14 @@
 
 use js_sys::Function;
 use splitplane::objects::{
-    GeometryId, IgnoredTriangle, Instance, InstanceId, Scene as Description, SceneAccelerator,
-    SceneHit, SceneOptions,
+    GeometryId, Instance, InstanceId, Scene as Description, SceneAccelerator, SceneHit,
 };
 use splitplane::{Backend, BuildOptions, CpuBackend, Ray};
 use wasm_bindgen::prelude::*;
 
 use crate::failure::Failure;
 use crate::mesh::mesh;
-use crate::named::{NONE, accuracy, build_options, culling};
+use crate::named::{build_options, culling, scene_options, transform};
 use crate::progress::watched;
 use crate::words::{Words, zeros};
 
@@ -21,27 +20,6 @@ pub struct Scene {
     built: Box<dyn SceneAccelerator>,
     /// Whether the description was edited since it was built.
     is_edited: bool,
-}
-
-fn transform(numbers: &[f32]) -> Result<[[f32; 4]; 3], Failure> {
-    match numbers.as_chunks::<4>() {
-        ([one, two, three], []) => Ok([*one, *two, *three]),
-        _ => Err(Failure::new(
-            "shape",
-            format!("a transform has {} numbers, but must have 12", numbers.len()),
-        )),
-    }
-}
-
-/// Numbers of accuracy, culling, mask, and the ignored instance and triangle.
-fn scene_options(numbers: &[u32]) -> Result<SceneOptions<'static>, Failure> {
-    let &[test, side, mask, instance, triangle] = numbers else {
-        return Err(Failure::new("config", "the options of a scene's query are five numbers"));
-    };
-    let (accuracy, culling) = (accuracy(test)?, culling(side)?);
-    let ignore =
-        (instance != NONE).then_some(IgnoredTriangle { instance: InstanceId(instance), triangle });
-    Ok(SceneOptions { accuracy, culling, mask, ignore, ..SceneOptions::default() })
 }
 
 impl Scene {

@@ -8,6 +8,7 @@ use splitplane::{
 };
 use wasm_bindgen::prelude::*;
 
+use crate::crossings::Crossings;
 use crate::failure::Failure;
 use crate::mesh::{file_of, mesh};
 use crate::named::{NONE, build_options, culling, query_options};
@@ -220,20 +221,7 @@ impl Tree {
             let options = AllHitsOptions { culling, ignore, max_memory, watch };
             self.accelerator.all_hits(rays, &options)
         });
-        let all = all.map_err(Failure::from)?;
-        let mut starts = zeros(all.starts.len())?;
-        for (to, start) in starts.iter_mut().zip(&all.starts) {
-            *to = *start as u32;
-        }
-        let mut crossings: Vec<[u32; 5]> = zeros(all.crossings.len())?;
-        for (to, crossing) in crossings.iter_mut().zip(&all.crossings) {
-            let Hit { t, triangle, u, v } = crossing.hit;
-            *to = [t.to_bits(), triangle, u.to_bits(), v.to_bits(), u32::from(crossing.front)];
-        }
-        Ok(Crossings {
-            starts: Some(Words::of(starts)),
-            crossings: Some(Words::of(bytemuck::allocation::cast_vec(crossings))),
-        })
+        Ok(Crossings::of(&all.map_err(Failure::from)?)?)
     }
 
     /// How often the surface winds around some points, 2 words each: the winding number, and 1 for a point on the surface.
@@ -290,25 +278,5 @@ impl Tree {
             *to = [square as u32, (square >> 32) as u32, x, y, z, found.triangle, u, v];
         }
         Ok(())
-    }
-}
-
-/// Crossings of rays with surfaces.
-#[wasm_bindgen]
-pub struct Crossings {
-    starts: Option<Words>,
-    crossings: Option<Words>,
-}
-
-#[wasm_bindgen]
-impl Crossings {
-    /// Where those of each ray begin, and how many there are. Once only.
-    pub fn starts(&mut self) -> Option<Words> {
-        self.starts.take()
-    }
-
-    /// 5 words each: t, triangle, u, v, and 1 where the ray comes from the front. Once only.
-    pub fn crossings(&mut self) -> Option<Words> {
-        self.crossings.take()
     }
 }

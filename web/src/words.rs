@@ -46,7 +46,7 @@ impl Words {
         Ok(bytemuck::cast_slice(self.rows::<3>(what)?))
     }
 
-    #[cfg(not(feature = "gpu"))]
+    #[cfg(any(feature = "page", not(feature = "gpu")))]
     pub(crate) fn bytes(&self) -> &[u8] {
         bytemuck::cast_slice(&self.0)
     }

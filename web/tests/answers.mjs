@@ -8,6 +8,12 @@ function* records(columns) {
     for (let i = 0; i < words[0].length; i += 1) for (const column of words) yield column[i];
 }
 
+/** All hits of a batch. */
+export function allLine(all) {
+    const hash = new Hash().add(all.starts).add(records([all.t, all.triangle, all.u, all.v, all.front]));
+    return `all: ${all.t.length} ${hash}`;
+}
+
 function answers(tree, scale, lines) {
     const asked = rays(3000, scale);
     for (const accuracy of ["fast", "watertight", "exact"]) {
@@ -18,9 +24,7 @@ function answers(tree, scale, lines) {
             lines.push(`any ${accuracy} ${culling}: ${Hash.of(tree.anyHits(asked, { accuracy, culling }))}`);
         }
     }
-    const all = tree.allHits(asked);
-    const hash = new Hash().add(all.starts).add(records([all.t, all.triangle, all.u, all.v, all.front]));
-    lines.push(`all: ${all.t.length} ${hash}`);
+    lines.push(allLine(tree.allHits(asked)));
     const numbers = new Numbers(13);
     const points = Float32Array.from(Array.from({ length: 500 }, () => numbers.point(1.25 * scale)).flat());
     const { winding, boundary } = tree.windings(points);
@@ -64,8 +68,8 @@ function ofMesh(api, { positions, indices }, scale) {
     return lines;
 }
 
-function instances(api) {
-    const scene = new api.Scene();
+/** Puts forty instances of two meshes into a scene. */
+function fill(scene) {
     const [ball, soup] = [sphere(6), noise(300)].map(({ positions, indices }) => scene.addGeometry(positions, indices));
     const numbers = new Numbers(17);
     for (let number = 0; number < 40; number += 1) {
@@ -77,16 +81,33 @@ function instances(api) {
         }
         scene.addInstance(number % 4 === 3 ? soup : ball, transform, { mask: 1 << number % 3 });
     }
+}
+
+function sceneLines(mask, { t, u, v, triangle, geometry, instance }, any) {
+    const found = instance.filter((name) => name !== 0xffffffff).length;
+    return [`closest ${mask}: ${found} ${Hash.of(records([t, u, v, triangle, geometry, instance]))}`, `any ${mask}: ${Hash.of(any)}`];
+}
+
+function instances(api) {
+    const scene = new api.Scene();
+    fill(scene);
     scene.update();
-    const lines = [`digest: ${scene.digest}`];
     const asked = rays(2000, 4);
-    for (const mask of [0xffffffff, 5]) {
-        const { t, u, v, triangle, geometry, instance } = scene.closestHits(asked, { mask });
-        const found = instance.filter((name) => name !== 0xffffffff).length;
-        lines.push(`closest ${mask}: ${found} ${Hash.of(records([t, u, v, triangle, geometry, instance]))}`);
-        lines.push(`any ${mask}: ${Hash.of(scene.anyHits(asked, { mask }))}`);
-    }
+    const lines = [`digest: ${scene.digest}`];
+    for (const mask of [0xffffffff, 5]) lines.push(...sceneLines(mask, scene.closestHits(asked, { mask }), scene.anyHits(asked, { mask })));
     scene.free();
+    return lines;
+}
+
+/** The same of a scene of either kind, by what both kinds have. */
+export async function instancesAsync(scene) {
+    fill(scene);
+    await scene.updateAsync();
+    const asked = rays(2000, 4);
+    const lines = [`digest: ${scene.digest}`];
+    for (const mask of [0xffffffff, 5]) {
+        lines.push(...sceneLines(mask, await scene.closestHitsAsync(asked, { mask }), await scene.anyHitsAsync(asked, { mask })));
+    }
     return lines;
 }
 
@@ -106,7 +127,7 @@ export function pictures({ Page, memory }) {
         const page = Page.builtin(name);
         page.build("fast", 1.5);
         for (const [number, accuracy] of ["fast", "watertight", "exact"].entries()) {
-            page.frame(96, 64, 1, 6, number, true, 0);
+            page.frame(Uint32Array.of(96, 64, 1, 6, number, 1, 0, 0)).free();
             const pixels = new Uint32Array(memory.buffer, page.pixels(), page.count());
             lines.push(`${name} ${page.digest()} ${accuracy}: ${Hash.of(pixels)}`);
         }

@@ -7,6 +7,7 @@ import path from "node:path";
 
 import { difference } from "./answers.mjs";
 import { launch, serve, step, web } from "./chromium.mjs";
+import { glb, gltf, stl } from "./files.mjs";
 
 const [tools, shots = path.join(web, "target", "screenshots")] = process.argv.slice(2);
 mkdirSync(shots, { recursive: true });
@@ -85,6 +86,45 @@ try {
         await shown(page, { view: 0 });
     });
 
+    await step("accuracy and speed of one view, side by side", async () => {
+        await page.waitForFunction(() => window.judged !== undefined);
+        const rows = await page.evaluate(() => window.judged);
+        const [exact, watertight, fast] = rows;
+        assert.deepEqual(rows.map(({ accuracy }) => accuracy), [2, 1, 0]);
+        assert.ok(exact.rays > 10_000 && rows.every(({ rays, took }) => rays === exact.rays && took > 0));
+        assert.equal(exact.other + exact.lost + watertight.lost, 0);
+        assert.ok(fast.lost <= fast.other && fast.other < exact.rays / 100);
+        assert.equal(await page.textContent("#lost-1"), "none");
+        assert.match(await page.textContent("#rate-2"), /^\d+\.\d\d$/);
+    });
+
+    await step("the boxes of the tree", async () => {
+        const plain = await colours(page);
+        await page.check("#show-boxes");
+        const few = await shown(page, { boxes: 4 });
+        assert.ok(few.boxCount >= 2 && few.boxCount <= 16);
+        assert.notEqual(await colours(page), plain);
+        await page.screenshot({ path: path.join(shots, "boxes.png"), fullPage: true });
+        await page.focus("#boxes");
+        await page.keyboard.press("Home");
+        const root = await shown(page, { boxes: 0 });
+        assert.equal(root.boxCount, 1);
+        await page.uncheck("#show-boxes");
+        await shown(page, { boxes: null });
+    });
+
+    await step("light by photons and by paths", async () => {
+        await page.evaluate(() => (document.getElementById("samples").value = "0"));
+        for (const light of ["2", "1", "0"]) {
+            await page.selectOption("#light", light);
+            await shown(page, { light: Number(light), samples: 1 });
+            assert.ok((await colours(page)) > 500);
+            if (light === "2") await page.screenshot({ path: path.join(shots, "photons.png"), fullPage: true });
+        }
+        await page.evaluate(() => (document.getElementById("samples").value = "2"));
+        await page.check('input[name="view"][value="0"]');
+    });
+
     await step("turned by keyboard and by hand, and put back", async () => {
         const picture = () => page.evaluate(() => document.getElementById("picture").toDataURL());
         const settled = async (work) => {
@@ -117,16 +157,40 @@ try {
     });
 
     const give = (page, name, bytes) => page.setInputFiles("#file", { name, mimeType: "text/plain", buffer: Buffer.from(bytes) });
-    await step("an OBJ and a PLY file, broken ones, and one that is too large", async () => {
+    await step("glTF, OBJ, PLY and STL files, broken ones, and one that is too large", async () => {
         await give(page, "tetrahedron.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n");
         const own = await shown(page, { scene: "tetrahedron.obj" });
         assert.equal(own.triangles, 4);
         const head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n";
         await give(page, "one.ply", `${head}property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n`);
         assert.equal((await shown(page, { scene: "one.ply" })).triangles, 1);
+        await give(page, "two.stl", stl([[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0], [0, 1, 0]]]));
+        assert.equal((await shown(page, { scene: "two.stl" })).triangles, 2);
+        // Nodes, camera, light and material of a glTF file; the same in one file, and in two that come together.
+        const { root, bin } = gltf();
+        await give(page, "squares.glb", glb());
+        const one = await shown(page, { scene: "squares.glb" });
+        assert.equal(one.triangles, 4);
+        const [left, middle] = await page.evaluate(() => {
+            const { width, height } = document.getElementById("picture");
+            const at = (x) => [...document.getElementById("picture").getContext("2d").getImageData(x * width, 0.5 * height, 1, 1).data];
+            return [at(0.35), at(0.5)];
+        });
+        assert.ok(left[0] > 3 * left[1] && left[0] > 3 * left[2], `the square is red, not ${left}`);
+        assert.ok(middle[2] > middle[0], `there is nothing between both squares, but the sky, not ${middle}`);
+        await page.screenshot({ path: path.join(shots, "gltf.png"), fullPage: true });
+        await page.setInputFiles("#file", [
+            { name: "a b.bin", mimeType: "", buffer: bin },
+            { name: "two.gltf", mimeType: "", buffer: Buffer.from(JSON.stringify({ ...root, buffers: [{ byteLength: 60, uri: "a%20b.bin" }] })) },
+        ]);
+        assert.equal((await shown(page, { scene: "two.gltf" })).digest, one.digest);
         for (const [name, bytes, text] of [
             ["cut.ply", "ply\nformat ascii 1.0\nelement vertex 9\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n", /cut\.ply/],
-            ["other.txt", "v 0 0 0\n", /neither/],
+            ["other.txt", "v 0 0 0\n", /none of them/],
+            ["cut.stl", stl([[[0, 0, 0], [1, 0, 0], [0, 1, 0]]]).subarray(0, 90), /cut\.stl/],
+            ["cut.glb", glb().subarray(0, 100), /cut\.glb/],
+            ["far.gltf", JSON.stringify({ ...gltf().root, buffers: [{ byteLength: 60, uri: "far.bin" }] }), /far\.bin; choose that file together/],
+            ["bad.gltf", "{", /bad\.gltf/],
             ["empty.obj", "", /no faces/],
             ["bad.obj", "v 0 0 0\nf 1 2 3\n", /line 2/],
             ["noise.obj", [0xff, 0xfe, 0x00, 0x80], /no text/],
@@ -192,6 +256,8 @@ try {
         assert.ok(await phone.evaluate(() => document.documentElement.scrollWidth <= innerWidth));
         console.log(`first picture of 75,498 triangles after ${Math.round(await phone.evaluate(() => window.firstPicture))} ms`);
         await phone.screenshot({ path: path.join(shots, "phone.png"), fullPage: true });
+        await phone.emulateMedia({ colorScheme: "dark" });
+        await phone.screenshot({ path: path.join(shots, "phone-dark.png"), fullPage: true });
         await phone.close();
     });
     assert.deepEqual(problems, []);

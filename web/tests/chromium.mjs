@@ -12,8 +12,12 @@ export const web = path.dirname(path.dirname(fileURLToPath(import.meta.url)));
 const TYPES = {
     ".css": "text/css", ".html": "text/html", ".js": "text/javascript", ".mjs": "text/javascript", ".wasm": "application/wasm",
 };
+/** What isolates a page, so that it may share memory. */
+const ISOLATES = { "Cross-Origin-Opener-Policy": "same-origin", "Cross-Origin-Embedder-Policy": "require-corp" };
+
 /** An empty page is at /blank.html. */
-const server = createServer((request, response) => {
+const server = (isolates) => createServer((request, response) => {
+    if (isolates) for (const [name, value] of Object.entries(ISOLATES)) response.setHeader(name, value);
     const asked = decodeURIComponent(new URL(request.url, "http://127.0.0.1").pathname);
     const file = path.join(web, asked.endsWith("/") ? `${asked}index.html` : asked);
     const found = file.startsWith(web + path.sep) && statSync(file, { throwIfNoEntry: false })?.isFile();
@@ -23,10 +27,11 @@ const server = createServer((request, response) => {
     createReadStream(file).pipe(response);
 });
 
-/** Serves the files; gives the address and the end of it. */
-export async function serve() {
-    await new Promise((ready) => server.listen(0, "127.0.0.1", ready));
-    return { root: `http://127.0.0.1:${server.address().port}`, close: () => server.close() };
+/** Serves the files, to isolated pages or others; gives the address and the end of it. */
+export async function serve(isolates = false) {
+    const own = server(isolates);
+    await new Promise((ready) => own.listen(0, "127.0.0.1", ready));
+    return { root: `http://127.0.0.1:${own.address().port}`, close: () => own.close() };
 }
 
 /** Starts the browser by the driver in the folder `tools`. */

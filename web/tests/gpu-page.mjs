@@ -1,6 +1,7 @@
 // What tests/webgpu.mjs runs in a page: the package on the browser's GPU. Numbers are compared there with native ones.
 
 import * as api from "/js/index.js";
+import { allLine, instancesAsync } from "./answers.mjs";
 import { Hash, bits, noise, rays, sphere } from "./meshes.mjs";
 
 const MESHES = { web_sphere: [sphere(24), 1], web_noise: [noise(4000), 4] };
@@ -72,6 +73,7 @@ export async function answers(name, presets) {
                 lines.push(`closest watertight ${culling}: ${found} ${Hash.of(records([t, triangle, u, v]))}`);
                 lines.push(`any watertight ${culling}: ${Hash.of(await tree.anyHitsAsync(asked, { culling }))}`);
             }
+            lines.push(allLine(await tree.allHitsAsync(asked)));
             // Into an array of the module's, from one: the same words.
             const [from, into] = [new api.WasmArray(asked.length), new api.WasmArray(asked.length / 2)];
             from.floats.set(asked);
@@ -85,6 +87,29 @@ export async function answers(name, presets) {
         tree.free();
     }
     return { lines, longest: longest() };
+}
+
+/** A scene of instances: lines of the snapshots; and what is refused. */
+export async function objects() {
+    const scene = backend.scene();
+    const found = { stale: await failure(() => scene.digest), early: await failure(() => scene.closestHitsAsync(rays(2, 1))) };
+    const lines = await instancesAsync(scene);
+    found.exact = await failure(() => scene.anyHitsAsync(rays(2, 1), { accuracy: "exact" }));
+    found.unknown = await failure(() => scene.addInstance(9, [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0]));
+    const update = scene.updateAsync();
+    found.busy = await failure(() => scene.removeInstance(0));
+    await update;
+    const batch = scene.anyHitsAsync(rays(500, 4));
+    found.under = await failure(() => scene.updateAsync());
+    await batch;
+    found.ended = await failure(() => scene.anyHitsAsync(rays(500, 4), { progress: () => false }));
+    scene.removeInstance(0);
+    found.edited = await failure(() => scene.anyHitsAsync(rays(2, 1)));
+    await scene.updateAsync();
+    const other = scene.digest;
+    scene.free();
+    found.freed = await failure(() => scene.digest);
+    return { lines, found, isOther: !lines.includes(`digest: ${other}`) };
 }
 
 /** Two builds and two batches at once, from one page. */

@@ -104,6 +104,43 @@ test("an exception of the progress callback is passed on, and the work has ended
     tree.free();
 });
 
+test("what an object's own progress callback cannot do to it ends in an error", () => {
+    const tree = make();
+    const before = tree.digest;
+    const codes = (works) => works.map((work) => {
+        try {
+            work();
+            return null;
+        } catch (error) {
+            assert.ok(error instanceof SplitplaneError, error.stack);
+            return error.code;
+        }
+    });
+    const ray = [[0, 0, 5], [0, 0, -1]];
+    let seen = null;
+    // While it changes, it answers nothing.
+    const all = [() => tree.digest, () => tree.closestHit(...ray), () => tree.allHits(rays(1, 1)), () => tree.rebuild(positions, indices), () => tree.free()];
+    tree.rebuild(positions, indices, { progress: () => void (seen ??= codes(all)) });
+    assert.deepEqual(seen, all.map(() => "busy"));
+    // While it is asked, it can be asked, and not changed; arrays that are in use stay.
+    seen = null;
+    const asked = new WasmArray(8 * 20);
+    asked.floats.set(rays(20, 1));
+    const some = [() => tree.digest, () => tree.closestHit(...ray), () => tree.allHits(rays(1, 1)), () => tree.rebuild(positions, indices), () => tree.free(), () => asked.free()];
+    tree.allHits(asked, { progress: () => void (seen ??= codes(some)) });
+    assert.deepEqual(seen, [null, null, null, "busy", "busy", "busy"]);
+    const scene = new Scene();
+    scene.addInstance(scene.addGeometry(positions, indices), [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0]);
+    seen = null;
+    const edits = [() => scene.addGeometry(positions, indices), () => scene.closestHits(rays(1, 1)), () => scene.update(), () => scene.free()];
+    scene.update({ progress: () => void (seen ??= codes(edits)) });
+    assert.deepEqual(seen, edits.map(() => "busy"));
+    // All are as alive as before.
+    assert.equal(tree.digest, before);
+    assert.equal(scene.closestHits(rays(5, 1)).t.length, 5);
+    for (const one of [tree, asked, scene]) one.free();
+});
+
 test("asynchronous batches answer the same, let others run, and can be aborted", async () => {
     const { positions, indices } = sphere(40);
     const tree = Tree.build(positions, indices);

@@ -6,7 +6,7 @@ import { brotliCompressSync, constants, gzipSync } from "node:zlib";
 const limits = [
     ["queries alone", ["../pkg/splitplane_bg.wasm"], 400_000],
     ["WebGPU, when it is asked for", ["../pkg/gpu/splitplane_gpu_bg.wasm"], 400_000],
-    ["the demonstration page, with WebGPU", ["../target/page/pkg/splitplane_bg.wasm", "../target/page/pkg/gpu/splitplane_gpu_bg.wasm"], 1_500_000],
+    ["the demonstration page, with WebGPU", ["../target/page/pkg/splitplane_bg.wasm"], 1_500_000],
 ];
 let refused = false;
 for (const [what, paths, limit] of limits) {

@@ -1,7 +1,7 @@
 // Compiled, not run: what users write has the types of index.d.ts and three.d.ts.
 
 import { BufferGeometry, Mesh, Raycaster } from "three";
-import { AnyTree, Backend, Gpu, init, Scene, SplitplaneError, Tree, WasmArray } from "splitplane";
+import { AnyScene, AnyTree, Backend, Gpu, init, Scene, SplitplaneError, Tree, WasmArray } from "splitplane";
 import { acceleratedRaycast, computeBoundsTree, disposeBoundsTree } from "splitplane/three";
 
 Mesh.prototype.raycast = acceleratedRaycast;
@@ -35,6 +35,10 @@ export async function use(positions: Float32Array, indices: Uint32Array, rays: F
     const gpu = backend.gpu ?? (await Gpu.open());
     if (gpu.parity === "structural") console.log(gpu.adapter, gpu.difference?.length, asked.t.length);
     const kept: AnyTree = Tree.load((await gpu.build(positions, indices)).toBytes(positions, indices), positions, indices);
+    const objects: AnyScene[] = [scene, gpu.scene(), backend.scene()];
+    await objects[1].updateAsync({ maxMemory: 1e9 });
+    const crossings = await (await gpu.build(positions)).allHitsAsync(rays, { culling: "back" });
+    console.log(crossings.starts.length, (await objects[2].closestHitsAsync(rays, { mask: 3 })).instance.length);
     // @ts-expect-error no such backend
     await Backend.open("cuda");
     const raycaster = new Raycaster();

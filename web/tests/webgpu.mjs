@@ -58,6 +58,14 @@ try {
         assert.ok(!snapshot("web_sphere").includes(snapshot("web_noise").find((line) => line.startsWith("digest fast"))));
     });
 
+    await step("scenes of instances", async () => {
+        const { lines, found, isOther } = await run(page, "objects");
+        for (const line of lines) assert.ok(snapshot("web_instances").includes(line), `"${line}" is not among the native lines`);
+        assert.ok(lines.length === 5 && isOther);
+        const wanted = { stale: "stale", early: "stale", exact: "config", unknown: "unknown", busy: "busy", under: "busy", ended: "cancelled", edited: "stale", freed: "freed" };
+        for (const [name, code] of Object.entries(wanted)) assert.equal(found[name]?.code, code, `${name}: ${JSON.stringify(found[name])}`);
+    });
+
     await step("several at once", async () => {
         const { digests, isSame } = await run(page, "together");
         for (const [place, name] of ["web_noise", "web_sphere"].entries()) assert.ok(snapshot(name).includes(`digest fast: ${digests[place]}`));
@@ -123,6 +131,42 @@ try {
         assert.match(await shown.textContent("#gpu"), /swiftshader \(software\): equal to the CPU bit for bit.*Both trees are the same\./);
         for (const id of ["built", "gpu-built"]) assert.match(await shown.textContent(`#${id}`), / m?s$/);
         await shown.screenshot({ path: path.join(shots, "webgpu.png"), fullPage: true });
+
+        // Pictures by the GPU, and a row that compares them.
+        const settled = (wanted) => shown.waitForFunction((wanted) =>
+            window.problem ?? (window.shown && Object.entries(wanted).every(([key, value]) => window.shown[key] === value) ? window.shown : false), wanted)
+            .then((handle) => handle.jsonValue());
+        const picture = () => shown.evaluate(() => document.getElementById("picture").toDataURL());
+        const own = await picture();
+        await shown.check('input[name="by"][value="gpu"]');
+        const onDevice = await settled({ by: "gpu", madeBy: "gpu" });
+        assert.equal(onDevice.why, null, JSON.stringify(onDevice));
+        assert.equal(await picture(), own);
+        assert.match(await shown.textContent("#by"), /^the GPU, .*swiftshader/i);
+        await shown.check('input[name="accuracy"][value="2"]');
+        assert.match((await settled({ accuracy: 2, madeBy: "cpu" })).why, /exact/);
+        await shown.check('input[name="accuracy"][value="1"]');
+        const [download] = await Promise.all([shown.waitForEvent("download"), shown.click("#parity")]);
+        const row = readFileSync(await download.path(), "utf8");
+        const cells = row.split("|").map((cell) => cell.trim());
+        assert.equal(cells.length, 9, row);
+        assert.match(cells[1], /swiftshader.*WebGPU, software/i);
+        assert.equal(cells[4], "bitwise", row);
+        assert.match(cells[6], /cornell.*: equal$/);
+        assert.match(cells[7], /^[\d,]+ first hits, of which 0 differ, and [\d,]+ pixels, of which 0 differ/);
+        await settled({ by: "gpu", madeBy: "gpu" });
+
+        // The browser's GPU process dies: the CPU goes on.
+        const killer = await browser.newPage();
+        await killer.goto("chrome://gpucrash").catch(() => {});
+        await killer.close().catch(() => {});
+        await shown.waitForTimeout(500);
+        await shown.evaluate(() => delete window.shown);
+        await shown.press("#picture", "ArrowLeft");
+        const after = await settled({ madeBy: "cpu" });
+        assert.equal(after.madeBy, "cpu", JSON.stringify(after));
+        assert.match(await shown.textContent("#gpu"), /^No tree by the GPU: .*lost.* The CPU does the work\.$/);
+        assert.equal(await shown.isVisible("#error"), false);
         await shown.close();
     });
     assert.deepEqual(problems, []);

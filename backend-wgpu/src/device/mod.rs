@@ -2,6 +2,7 @@
 //! bound and recorded from the set's table.
 
 pub mod adapters;
+pub mod awaited;
 pub mod bindings;
 pub(crate) mod bounded;
 pub(crate) mod clock;
@@ -29,6 +30,7 @@ pub(crate) mod wait;
 #[cfg(target_family = "wasm")]
 pub(crate) mod web;
 
+pub use awaited::Awaited;
 pub use bindings::BindGroups;
 pub use executor::{DeviceExecutor, Job, LoopControl, Piece, Round};
 pub use kernel_set::{Bound, DeviceSet, Text};

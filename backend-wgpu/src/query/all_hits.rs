@@ -11,6 +11,7 @@ use super::accelerator::WgpuAccelerator;
 use super::held::{Held, Share};
 use super::lists::{FEW, Lists};
 use super::settle::{Asking, list};
+use crate::device::wait::Wait;
 
 /// What the tasks of a batch have in common.
 #[derive(Clone, Copy)]
@@ -23,8 +24,9 @@ pub(super) struct Batch<'a> {
 
 impl WgpuAccelerator {
     /// All hits of a batch.
-    pub(super) fn find_all_hits(
+    pub(super) async fn find_all_hits(
         &self,
+        wait: Wait,
         rays: &[Ray],
         options: &AllHitsOptions<'_>,
     ) -> Result<AllHits, QueryError> {
@@ -48,7 +50,7 @@ impl WgpuAccelerator {
             make_room(&mut all.crossings, crossings, &mut answer)?;
             parts.into_iter().flatten().try_for_each(|(part, _)| all.append(part))
         };
-        let report = self.list_in_runs(rays.len(), part, query, asking, held, settle)?;
+        let report = self.list_in_runs(wait, rays.len(), part, query, asking, held, settle).await?;
         asking.check()?;
         all.report = report;
         Ok(all)

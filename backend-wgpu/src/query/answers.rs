@@ -231,6 +231,20 @@ impl WgpuAccelerator {
         self.explained(found.await).await
     }
 
+    /// The same for [`Accelerator::all_hits`]. The device lists triangles; which of them are crossed, and in which order, the host decides when the
+    /// future is polled.
+    ///
+    /// # Errors
+    /// As for the trait's function.
+    pub async fn all_hits_async(
+        &self,
+        rays: &[Ray],
+        options: &AllHitsOptions<'_>,
+    ) -> Result<AllHits, QueryError> {
+        let found = self.find_all_hits(Wait::Yielding, rays, options);
+        self.explained(found.await).await
+    }
+
     /// An outcome whose error is the loss of the device where that is the cause.
     async fn explained<T>(&self, outcome: Result<T, QueryError>) -> Result<T, QueryError> {
         match outcome {
@@ -366,7 +380,7 @@ impl Accelerator for WgpuAccelerator {
     /// The device lists the triangles that a ray may meet, and the host decides which of them are crossed, and where:
     /// the CPU's answers, bit for bit. Rays of which the device can tell nothing are the host's, and counted.
     fn all_hits(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> Result<AllHits, QueryError> {
-        self.find_all_hits(rays, options)
+        blocking(self.find_all_hits(Wait::Blocking, rays, options))
     }
 
     /// The device counts the crossings of which it is certain. The other rays are asked for all hits.

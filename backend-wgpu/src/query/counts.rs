@@ -67,7 +67,9 @@ impl WgpuAccelerator {
                 }
                 Ok(())
             };
-            let part = self.list_in_runs(left.len(), rays_of, query, asking, held, settle)?;
+            let listed =
+                self.list_in_runs(Wait::Blocking, left.len(), rays_of, query, asking, held, settle);
+            let part = blocking(listed)?;
             report.append(part, 0)?;
         }
         asking.check()?;

@@ -18,7 +18,7 @@ use super::asked::Asked;
 use super::held::Held;
 use super::layout::UNFINISHED;
 use super::settle::{Asking, HostScene, list};
-use crate::device::wait::{Wait, blocking};
+use crate::device::wait::Wait;
 
 /// Words of a list at first, its length included. Seven triangles suffice for most rays, and longer lists would be read
 /// back for all.
@@ -178,8 +178,9 @@ impl WgpuAccelerator {
     ///
     /// # Errors
     /// What `settle` returns, a watch that cancels, memory that lists may not take, or a device that fails.
-    pub(super) fn list_in_runs<'r>(
+    pub(super) async fn list_in_runs<'r>(
         &self,
+        wait: Wait,
         count: usize,
         rays_of: impl Fn(Range<usize>) -> Result<Cow<'r, [Ray]>, QueryError>,
         options: &QueryOptions<'_>,
@@ -202,7 +203,7 @@ impl WgpuAccelerator {
             let slice_bytes = (rays.len() * each) as u64;
             lists.hold(slice_bytes)?;
             if asks {
-                words = self.listed(rays, ROOM, options, asking)?;
+                words = self.listed(wait, rays, ROOM, options, asking).await?;
             }
             let mut at = 0;
             while at < rays.len() {
@@ -215,7 +216,7 @@ impl WgpuAccelerator {
                 again.extend(long.iter().map(|&ray| rays[at + ray]));
                 let bytes = long.len() * (size_of::<usize>() + size_of::<Ray>() + 4 * room);
                 lists.hold(slice_bytes + bytes as u64)?;
-                let longer = self.listed(&again, room, options, asking)?;
+                let longer = self.listed(wait, &again, room, options, asking).await?;
                 let run = Lists {
                     words: words.get(at * ROOM..end * ROOM).unwrap_or_default(),
                     long: &long,
@@ -238,8 +239,9 @@ impl WgpuAccelerator {
     }
 
     /// What the device lists for rays, with this many words for each.
-    fn listed(
+    async fn listed(
         &self,
+        wait: Wait,
         rays: &[Ray],
         room: usize,
         options: &QueryOptions<'_>,
@@ -255,9 +257,8 @@ impl WgpuAccelerator {
             );
             Ok(())
         };
-        let (wait, watch) = (Wait::Blocking, asking.watch());
-        let done =
-            blocking(self.queries.trace_slices(wait, tree, rays, options, asked, watch, keep));
+        let watch = asking.watch();
+        let done = self.queries.trace_slices(wait, tree, rays, options, asked, watch, keep).await;
         match done.map_err(QueryError::from) {
             Err(QueryError::Cancelled { .. }) => Err(asking.cancelled()),
             done => done.map(|()| words),

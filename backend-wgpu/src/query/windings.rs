@@ -19,6 +19,7 @@ use super::accelerator::WgpuAccelerator;
 use super::held::Held;
 use super::lists::{FEW, Lists, slice_of};
 use super::settle::{Asking, list};
+use crate::device::wait::{Wait, blocking};
 
 /// Host memory for a point of a slice while the device counts.
 const EACH: usize = size_of::<Ray>();
@@ -95,6 +96,6 @@ impl WgpuAccelerator {
             }
             Ok(())
         };
-        self.list_in_runs(left.len(), from, query, asking, held, settle)
+        blocking(self.list_in_runs(Wait::Blocking, left.len(), from, query, asking, held, settle))
     }
 }

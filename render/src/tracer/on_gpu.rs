@@ -65,6 +65,20 @@ impl OnGpu {
         options: &BuildOptions<'_>,
     ) -> Result<OnGpu, TracerError> {
         let accelerator = backend.build_accelerator(mesh, options)?;
+        OnGpu::with(backend, accelerator)
+    }
+
+    /// The same without blocking.
+    pub(super) async fn load_async(
+        backend: WgpuBackend,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<OnGpu, TracerError> {
+        let accelerator = backend.build_accelerator_async(mesh, options).await?;
+        OnGpu::with(backend, accelerator)
+    }
+
+    fn with(backend: WgpuBackend, accelerator: WgpuAccelerator) -> Result<OnGpu, TracerError> {
         let mut renderer = WgpuRenderer::new(backend.queries().gpu().clone())?;
         if let Some(parity) = backend.parity() {
             renderer.set_parity(parity);
@@ -137,6 +151,19 @@ impl OnGpu {
         Ok(())
     }
 
+    /// The same without blocking.
+    pub(super) async fn rebuild_for_queries_async(
+        &mut self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<(), TracerError> {
+        self.cancel();
+        let accelerator = self.backend.build_accelerator_async(mesh, options).await?;
+        self.settle_async().await;
+        self.take(Tree::Copied(Box::new(accelerator)));
+        Ok(())
+    }
+
     /// Lets the vertices of other scenes go.
     pub(super) fn forget_keyframes(&mut self) {
         self.keyframes.forget();
@@ -186,6 +213,15 @@ impl OnGpu {
             tree.compress_on_device(self.backend.queries()).map_err(RenderError::from)?;
         }
         Ok(tree)
+    }
+
+    /// The same without blocking. Compressing blocks, so the tree has no compressed nodes.
+    async fn finish_rebuild_async(&mut self) -> Result<(), TracerError> {
+        let Some(mut building) = self.building.take() else { return Ok(()) };
+        self.settle_async().await;
+        let built = building.wait_async().await?;
+        self.take(Tree::OnDevice(Box::new(built.tree), built.summary));
+        Ok(())
     }
 
     /// Nobody wants the next tree any more.
@@ -249,6 +285,13 @@ impl OnGpu {
         }
     }
 
+    /// The same without blocking.
+    async fn settle_async(&mut self) {
+        if self.settled.is_none() && self.renderer.is_pending() {
+            self.settled = Some(self.renderer.wait_async().await.map_err(TracerError::from));
+        }
+    }
+
     /// Replaces the tree; the next build gets the old one's buffers.
     fn take(&mut self, tree: Tree) {
         let old = match std::mem::replace(&mut self.tree, tree) {
@@ -295,6 +338,16 @@ impl OnGpu {
         self.finish_rebuild()?;
         self.settled = None;
         Ok(self.renderer.render(self.tree.on_device(), input)?)
+    }
+
+    /// The same without blocking; the outputs come along.
+    pub(super) async fn frame_async(
+        &mut self,
+        input: &FrameInput<'_>,
+    ) -> Result<FrameStats, TracerError> {
+        self.finish_rebuild_async().await?;
+        self.settled = None;
+        Ok(self.renderer.render_for_host_async(self.tree.on_device(), input).await?)
     }
 
     /// With the picture in a buffer of the device.

@@ -16,7 +16,7 @@ use crate::settings::{LightTransport, RenderSettings};
 use splitplane_core::ray::Accuracy;
 use splitplane_shaders::RenderFeatures;
 use splitplane_wgpu::device::readback::{READBACK, read};
-use splitplane_wgpu::device::{LoopControl, Pipelines};
+use splitplane_wgpu::device::{Awaited, LoopControl, Pipelines};
 use splitplane_wgpu::{DeviceTree, Gpu, GpuError, Parity};
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -429,6 +429,62 @@ impl WgpuRenderer {
                 return Err(GpuError::TimedOut { seconds }.into());
             }
             std::thread::yield_now();
+        }
+    }
+
+    /// As [`WgpuRenderer::submit_for_host`], and waits for the frame without blocking. Frames of accuracy `exact` block between their waves,
+    /// which a browser refuses.
+    ///
+    /// # Errors
+    /// As for [`WgpuRenderer::render`].
+    pub async fn render_for_host_async(
+        &mut self,
+        tree: &DeviceTree,
+        input: &FrameInput<'_>,
+    ) -> Result<FrameStats, RenderError> {
+        let awaited = Awaited::begin(Arc::clone(&self.gpu));
+        let submitted = self.submit_for_host(tree, input);
+        self.finish(awaited, submitted).await
+    }
+
+    /// As [`WgpuRenderer::wait`], without blocking. Dropped before its end, it leaves the frame as it is.
+    ///
+    /// # Errors
+    /// As for [`WgpuRenderer::wait`].
+    pub async fn wait_async(&mut self) -> Result<FrameStats, RenderError> {
+        self.finish(Awaited::begin(Arc::clone(&self.gpu)), Ok(())).await
+    }
+
+    /// The outcome of a frame that was submitted, or of trying to.
+    async fn finish(
+        &mut self,
+        mut awaited: Awaited,
+        submitted: Result<(), RenderError>,
+    ) -> Result<FrameStats, RenderError> {
+        let done = match submitted {
+            Ok(()) => self.wait_for_end(&mut awaited).await,
+            Err(error) => Err(error),
+        };
+        match done {
+            Err(error @ RenderError::Gpu(_)) => Err(awaited.cause(error).await),
+            done => done,
+        }
+    }
+
+    async fn wait_for_end(&mut self, awaited: &mut Awaited) -> Result<FrameStats, RenderError> {
+        let mut submissions = self.pending.as_ref().map_or(0, |pending| pending.submissions);
+        loop {
+            if let Some(stats) = self.poll()? {
+                awaited.settle().await?;
+                return Ok(stats);
+            }
+            // It was submitted again.
+            let now = self.pending.as_ref().map_or(0, |pending| pending.submissions);
+            if now > submissions {
+                awaited.renew();
+                submissions = now;
+            }
+            awaited.pause().await?;
         }
     }
 

@@ -1,14 +1,17 @@
 //! A scene of many objects on a device behind the core's `SceneAccelerator`.
 
+use std::collections::VecDeque;
+use std::ops::Range;
 use std::sync::Arc;
 
-use splitplane_core::backend::BuildOptions;
 use splitplane_core::backend::scene::packed::PackedSizes;
 use splitplane_core::backend::scene::{
     Becoming, BuildGeometry, BuiltScene, SceneAccelerator, SceneAnswer, SceneClosestPoint,
     SceneClosestPointOptions, SceneOverlapOptions, SceneOverlaps, UpdateReport,
 };
+use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::error::{BuildError, DeviceError, QueryError};
+use splitplane_core::mesh::Mesh;
 use splitplane_core::query::overlap::Volume;
 use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Accuracy, Ray};
@@ -18,6 +21,7 @@ use splitplane_core::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, Sce
 use super::held::{Buffers, HeldScene, exceeded, grown, reserve};
 use super::near;
 use super::waves::{WaveMemory, Waves};
+use crate::device::wait::{Wait, blocking};
 use crate::error::GpuError;
 use crate::query::error::DeviceQueryError;
 use crate::query::layout::UNFINISHED;
@@ -53,14 +57,99 @@ impl WgpuScene {
         options: &BuildOptions<'_>,
         build: &mut BuildGeometry<'_>,
     ) -> Result<WgpuScene, SceneBuildError> {
-        let mut own = WgpuScene {
+        let mut own = WgpuScene::empty(queries);
+        own.update_by(scene, options, build)?;
+        Ok(own)
+    }
+
+    /// A scene of nothing.
+    pub(crate) fn empty(queries: Arc<Queries>) -> WgpuScene {
+        WgpuScene {
             built: BuiltScene::default(),
             queries,
             held: Err("nothing was built yet".into()),
             memory: WaveMemory::default(),
+        }
+    }
+
+    /// Brings the scene up to date with geometries that are built: those that [`BuiltScene::unbuilt`] names. What the device refuses when the scene is
+    /// sent to it is an error, and the scene then needs another update.
+    pub(crate) async fn update_with(
+        &mut self,
+        scene: &Scene,
+        options: &BuildOptions<'_>,
+        mut ready: VecDeque<Box<dyn Accelerator>>,
+    ) -> Result<UpdateReport, SceneBuildError> {
+        let gpu = Arc::clone(self.queries.gpu());
+        let from = gpu.mark();
+        let mut next = |_: &Mesh<'_>, _: &BuildOptions<'_>| {
+            let lacking = || DeviceError::Failed("a geometry was not built before".into());
+            ready.pop_front().ok_or_else(|| BuildError::Device(lacking()))
         };
-        own.update_by(scene, options, build)?;
-        Ok(own)
+        let report = self.update_by(scene, options, &mut next)?;
+        if let Err(error) = gpu.settle(Wait::Yielding, from).await {
+            let error = gpu.cause(error).await;
+            self.held = Err(error.to_string());
+            return Err(failed(error));
+        }
+        Ok(report)
+    }
+
+    /// As [`SceneAccelerator::closest_hits`], without blocking while the device works: batches of accuracy `watertight` without a filter, with a scene that
+    /// the device holds.
+    ///
+    /// # Errors
+    /// As there; a batch that takes the CPU ([`WgpuScene::needs_cpu`] says why).
+    pub async fn closest_hits_async(
+        &self,
+        rays: &[Ray],
+        hits: &mut [SceneHit],
+        options: &SceneOptions<'_>,
+    ) -> Result<SceneReport, QueryError> {
+        self.answer_async(rays, hits, options, |hit| *hit).await
+    }
+
+    /// The same for [`SceneAccelerator::any_hits`].
+    ///
+    /// # Errors
+    /// As for [`WgpuScene::closest_hits_async`].
+    pub async fn any_hits_async(
+        &self,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &SceneOptions<'_>,
+    ) -> Result<SceneReport, QueryError> {
+        self.answer_async(rays, occluded, options, SceneHit::is_hit).await
+    }
+
+    /// Why a batch of these options goes to the geometries' accelerators in waves, for which the CPU finds the instances; `None` where the device
+    /// answers it by itself.
+    pub fn needs_cpu(&self, options: &SceneOptions<'_>) -> Option<&str> {
+        match &self.held {
+            Err(reason) => Some(reason),
+            Ok(_) if options.filter.is_some() => Some("filters are called on the CPU"),
+            Ok(_) if options.accuracy != Accuracy::Watertight => {
+                Some("of scenes a device answers batches of accuracy watertight alone")
+            }
+            Ok(_) => None,
+        }
+    }
+
+    async fn answer_async<T: SceneAnswer>(
+        &self,
+        rays: &[Ray],
+        answers: &mut [T],
+        options: &SceneOptions<'_>,
+        of: impl Fn(&SceneHit) -> T,
+    ) -> Result<SceneReport, QueryError> {
+        if let Some(reason) = self.needs_cpu(options) {
+            let text = format!("the batch cannot be answered without blocking: {reason}");
+            return Err(QueryError::Device(DeviceError::Failed(text)));
+        }
+        match self.answer(Wait::Yielding, rays, answers, options, of).await {
+            Err(error @ QueryError::Device(_)) => Err(self.queries.gpu().cause(error).await),
+            done => done,
+        }
     }
 
     /// Bytes that the device holds of the scene besides the geometries' own trees.
@@ -68,14 +157,15 @@ impl WgpuScene {
         self.held.as_ref().map_or(0, HeldScene::bytes)
     }
 
-    fn answer<T: SceneAnswer>(
+    async fn answer<T: SceneAnswer>(
         &self,
+        wait: Wait,
         rays: &[Ray],
         answers: &mut [T],
         options: &SceneOptions<'_>,
         of: impl Fn(&SceneHit) -> T,
     ) -> Result<SceneReport, QueryError> {
-        let suits = options.filter.is_none() && options.accuracy == Accuracy::Watertight;
+        let suits = self.needs_cpu(options).is_none();
         let (true, Ok(scene)) = (suits, &self.held) else {
             return self.built.answer_in_waves(rays, answers, options);
         };
@@ -87,7 +177,7 @@ impl WgpuScene {
         let waves = Waves { queries, scene, memory, options, any };
         let mut report = SceneReport::default();
         let mut unfinished: Vec<usize> = Vec::new();
-        report.entered = waves.answer(rays, options.watch, |range, bytes| {
+        let keep = |range: Range<usize>, bytes: &[u8]| {
             for (place, bytes) in range.zip(bytes.chunks_exact(size_of::<SceneHit>())) {
                 let hit: SceneHit = bytemuck::pod_read_unaligned(bytes);
                 answers[place] = of(&hit);
@@ -99,7 +189,8 @@ impl WgpuScene {
                 }
             }
             Ok(())
-        })?;
+        };
+        report.entered = waves.answer(wait, rays, options.watch, keep).await?;
         for &ray in &unfinished {
             answers[ray] = self.built.answer_one(&rays[ray], options);
         }
@@ -216,7 +307,7 @@ impl SceneAccelerator for WgpuScene {
         hits: &mut [SceneHit],
         options: &SceneOptions<'_>,
     ) -> Result<SceneReport, QueryError> {
-        self.answer(rays, hits, options, |hit| *hit)
+        blocking(self.answer(Wait::Blocking, rays, hits, options, |hit| *hit))
     }
 
     fn any_hits(
@@ -225,7 +316,7 @@ impl SceneAccelerator for WgpuScene {
         occluded: &mut [bool],
         options: &SceneOptions<'_>,
     ) -> Result<SceneReport, QueryError> {
-        self.answer(rays, occluded, options, SceneHit::is_hit)
+        blocking(self.answer(Wait::Blocking, rays, occluded, options, SceneHit::is_hit))
     }
 
     fn closest_points(

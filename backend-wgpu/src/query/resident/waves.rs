@@ -116,8 +116,9 @@ pub(super) struct Waves<'a> {
 
 impl Waves<'_> {
     /// Answers all rays. `take` gets the places of a slice's rays and the bytes of their hits. Returns how many instances were entered.
-    pub(super) fn answer(
+    pub(super) async fn answer(
         &self,
+        wait: Wait,
         rays: &[Ray],
         watch: Option<&dyn Watch>,
         mut take: impl FnMut(Range<usize>, &[u8]) -> Result<(), DeviceQueryError>,
@@ -127,7 +128,7 @@ impl Waves<'_> {
             .clamp(1, u64::from(SliceRays::MOST)) as u32;
         let mut size = self.queries.slice_rays.first(most);
         let (mut next, mut entered) = (0, 0);
-        Wait::Blocking.check()?;
+        wait.check()?;
         go_on(watch, 0, rays.len())?;
         while next < rays.len() {
             let slice = next..rays.len().min(next + size as usize);
@@ -135,9 +136,8 @@ impl Waves<'_> {
             let count = slice.len() as u32;
             let memory = self.memory.take(self.queries, count, self.scene.way, most)?;
             let ask = || go_on(watch, next, rays.len());
-            entered += self.answer_slice(&memory, &rays[slice.clone()], ask, |hits| {
-                take(slice.clone(), hits)
-            })?;
+            let keep = |hits: &[u8]| take(slice.clone(), hits);
+            entered += self.answer_slice(wait, &memory, &rays[slice.clone()], ask, keep).await?;
             self.memory.keep(memory);
             size = SliceRays::after(size, since.elapsed(), most);
             next = slice.end;
@@ -147,14 +147,16 @@ impl Waves<'_> {
         Ok(entered)
     }
 
-    fn answer_slice(
+    async fn answer_slice(
         &self,
+        wait: Wait,
         memory: &Memory,
         rays: &[Ray],
         go_on: impl Fn() -> Result<(), DeviceQueryError>,
         take: impl FnOnce(&[u8]) -> Result<(), DeviceQueryError>,
     ) -> Result<u64, DeviceQueryError> {
         let (gpu, count) = (self.queries.gpu(), rays.len() as u32);
+        let from = gpu.mark();
         checked(gpu, "the upload of rays", || {
             gpu.write(&memory.batch, 0, bytemuck::bytes_of(&self.uniform(count)));
             gpu.write(&memory.given, 0, bytemuck::cast_slice(rays));
@@ -169,7 +171,7 @@ impl Waves<'_> {
         loop {
             let now = waves.min(left);
             self.submit(memory, count, now, first)?;
-            let counts = gpu.read_mapped(&memory.readback, COUNT_BYTES)?;
+            let counts = gpu.read_mapped_by(wait, from, &memory.readback, COUNT_BYTES).await?;
             let word = |at: usize| u32::from_ne_bytes([0, 1, 2, 3].map(|k| counts[4 * at + k]));
             entered += u64::from(word(0));
             if word(1) == count {
@@ -181,7 +183,8 @@ impl Waves<'_> {
                         Ok(())
                     })?;
                 }
-                let all = gpu.read_mapped(&memory.readback, COUNT_BYTES + hit_bytes)?;
+                let bytes = COUNT_BYTES + hit_bytes;
+                let all = gpu.read_mapped_by(wait, from, &memory.readback, bytes).await?;
                 take(&all[COUNT_BYTES as usize..])?;
                 return Ok(entered);
             }

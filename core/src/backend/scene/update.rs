@@ -9,8 +9,8 @@ use crate::backend::BuildOptions;
 use crate::cancel::go_on;
 use crate::error::BuildError;
 use crate::scene::{
-    Changes, GeometryId, Instance, InstanceId, ObjectSpace, Placement, Scene, SceneBuildError,
-    TopTree, WorldBox, top_tree_bytes,
+    Changes, GeometryId, GeometryMesh, Instance, InstanceId, ObjectSpace, Placement, Scene,
+    SceneBuildError, TopTree, WorldBox, top_tree_bytes,
 };
 use crate::watch::{Progress, Stage};
 
@@ -256,8 +256,18 @@ impl BuiltScene {
         Ok(Plan { geometries, placements: Vec::new(), report })
     }
 
+    /// The geometries of a description that an update to it builds, in the order in which it asks for them, those of shapes left out: for backends that
+    /// build them before.
+    pub fn unbuilt<'a>(
+        &'a self,
+        scene: &'a Scene,
+    ) -> impl Iterator<Item = (GeometryId, &'a Arc<GeometryMesh>)> + 'a {
+        let new = scene.geometries().filter(|&(name, mesh)| self.is_new(name, mesh));
+        new.filter(|(_, mesh)| mesh.shapes().is_none())
+    }
+
     /// Whether a geometry is not built over these arrays.
-    fn is_new(&self, name: GeometryId, mesh: &Arc<crate::scene::GeometryMesh>) -> bool {
+    fn is_new(&self, name: GeometryId, mesh: &Arc<GeometryMesh>) -> bool {
         self.geometry(name).is_none_or(|own| !Arc::ptr_eq(&own.mesh, mesh))
     }
 
