@@ -91,11 +91,11 @@ grep -o 'SPLITPLANE_STATUS_[A-Z_]* = [0-9]*' include/splitplane.h | while read -
 done
 
 # Each program: its name, its source, and what it is run with.
-programs=(first page picture scene misuse lives)
+programs=(first page picture shapes scene misuse lives)
 source_of() {
     case $1 in
     first | page) echo "$scratch/$1.c" ;;
-    picture) echo examples/picture.c ;;
+    picture | shapes) echo "examples/$1.c" ;;
     scene) echo examples/scene.cpp ;;
     *) echo "tests/$1.c" ;;
     esac

@@ -248,18 +248,35 @@ impl LazyScene {
         rays: &[Ray],
         options: &SceneAllHitsOptions<'_>,
     ) -> Result<SceneAllHits, LazyError> {
-        let reached = {
-            let state = self.state();
-            let mut reached = BTreeSet::new();
-            for ray in rays {
-                state.reach.walk(ray, f32::INFINITY, &options.query, |geometry| {
-                    reached.insert(geometry);
-                    true
-                });
-            }
-            reached
-        };
+        let reached = self.reached(rays, options);
         Ok(self.build(&reached, options.query.watch)?.accelerator.all_hits(rays, options)?)
+    }
+
+    /// How many crossings every ray has: see [`SceneAccelerator::count_hits`]. Builds what the rays reach on their whole ways.
+    ///
+    /// # Errors
+    /// As for [`LazyScene::closest_hits`].
+    pub fn count_hits(
+        &self,
+        rays: &[Ray],
+        counts: &mut [u64],
+        options: &SceneAllHitsOptions<'_>,
+    ) -> Result<QueryReport, LazyError> {
+        let state = self.build(&self.reached(rays, options), options.query.watch)?;
+        Ok(state.accelerator.count_hits(rays, counts, options)?)
+    }
+
+    /// All geometries that rays reach on their whole ways.
+    fn reached(&self, rays: &[Ray], options: &SceneAllHitsOptions<'_>) -> BTreeSet<GeometryId> {
+        let state = self.state();
+        let mut reached = BTreeSet::new();
+        for ray in rays {
+            state.reach.walk(ray, f32::INFINITY, &options.query, |geometry| {
+                reached.insert(geometry);
+                true
+            });
+        }
+        reached
     }
 
     /// How often surfaces wind around each point: see [`SceneAccelerator::locate`]. Builds everything: points have no way that could

@@ -1,6 +1,7 @@
 //! Scenes on all threads: blocks of rays, each answered by one thread with memory that it keeps.
 
 use std::cell::RefCell;
+use std::ops::ControlFlow;
 
 use rayon::prelude::*;
 use splitplane_core::backend::BuildOptions;
@@ -16,7 +17,7 @@ use splitplane_core::query::overlap::Volume;
 use splitplane_core::ray::{Accuracy, Ray};
 use splitplane_core::report::QueryReport;
 use splitplane_core::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport};
-use splitplane_core::watch::Stage;
+use splitplane_core::watch::{Progress, Stage, Watch};
 
 use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
 use crate::near::in_order::{Parts, answer_in_order};
@@ -205,43 +206,67 @@ impl SceneAccelerator for CpuScene {
         self.answer_one(ray, options)
     }
 
-    /// Without a watch and a limit on all threads.
+    /// Without a limit on all threads: with one, what several threads hold would depend on how many there are.
     fn all_hits(
         &self,
         rays: &[Ray],
         options: &SceneAllHitsOptions<'_>,
     ) -> Result<SceneAllHits, QueryError> {
-        if options.query.watch.is_some() || options.max_memory.is_some() {
+        if options.max_memory.is_some() {
             return self.built.all_hits(rays, options);
         }
-        let parts: Vec<_> = rays
-            .par_chunks(FEW)
-            .map(|rays| self.built.all_hits(rays, options))
-            .collect::<Result<_, _>>()?;
+        let meter = &ProgressMeter::of(options.query.watch);
+        let parts = self.in_parts(rays, meter, |rays, watch| {
+            let query = SceneOptions { watch, ..options.query };
+            self.built.all_hits(rays, &SceneAllHitsOptions { query, max_memory: None })
+        })?;
         SceneAllHits::joined(parts)
     }
 
-    /// Without a watch and a limit on all threads.
+    /// A thread holds the crossings of one ray.
+    fn count_hits(
+        &self,
+        rays: &[Ray],
+        counts: &mut [u64],
+        options: &SceneAllHitsOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        check_lengths(rays.len(), counts.len())?;
+        let meter = &ProgressMeter::of(options.query.watch);
+        let few = few(meter);
+        let counts: Vec<&mut [u64]> = counts.chunks_mut(few).collect();
+        let parts = self.in_parts_with(rays, counts, meter, |rays, counts, watch| {
+            let query = SceneOptions { watch, ..options.query };
+            self.built.count_hits(rays, counts, &SceneAllHitsOptions { query, ..*options })
+        })?;
+        let mut report = QueryReport::default();
+        for (number, part) in parts.into_iter().enumerate() {
+            report.append(part, number * few)?;
+        }
+        Ok(report)
+    }
+
+    /// Without a limit on all threads.
     fn locate(
         &self,
         points: &[[f32; 3]],
         options: &LocateOptions<'_>,
     ) -> Result<Located, QueryError> {
-        if options.watch.is_some() || options.max_memory.is_some() {
+        if options.max_memory.is_some() {
             return self.built.locate(points, options);
         }
-        let parts = points.par_chunks(FEW).map(|points| self.built.locate(points, options));
-        let empty = || Ok(Located::default());
-        // In order: rayon joins neighbours only.
-        parts.reduce(empty, |one, other| {
-            let (mut one, other) = (one?, other?);
-            let places = one.windings.len();
-            let refused = |_| refused(4 * places as u64);
-            one.windings.try_reserve(other.windings.len()).map_err(refused)?;
-            one.windings.extend(other.windings);
-            one.report.append(other.report, places)?;
-            Ok(one)
-        })
+        let meter = &ProgressMeter::of(options.watch);
+        let parts = self.in_parts(points, meter, |points, watch| {
+            self.built.locate(points, &LocateOptions { watch, max_memory: None })
+        })?;
+        let mut all = Located::default();
+        let bytes = refused(4 * points.len() as u64);
+        all.windings.try_reserve_exact(points.len()).map_err(|_| bytes)?;
+        for part in parts {
+            let first = all.windings.len();
+            all.windings.extend(part.windings);
+            all.report.append(part.report, first)?;
+        }
+        Ok(all)
     }
 
     fn closest_points(
@@ -283,3 +308,63 @@ impl SceneAccelerator for CpuScene {
 
 /// Rays or points of one task of the queries that take long.
 const FEW: usize = 256;
+/// The same with a watch.
+const WATCHED_FEW: usize = 64;
+
+fn few(meter: &ProgressMeter<'_>) -> usize {
+    if meter.is_watched() { WATCHED_FEW } else { FEW }
+}
+
+/// What a part of a batch tells of itself is work of the whole.
+struct PartWatch<'a, 'w>(&'a ProgressMeter<'w>);
+
+impl Watch for PartWatch<'_, '_> {
+    fn progress(&self, _: &Progress) -> ControlFlow<()> {
+        match self.0.record_work(WORK_OF_RAY) {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
+    }
+}
+
+/// What a ray or a point counts in one instance, so that the watch is called after some of them.
+const WORK_OF_RAY: u64 = WORK_BETWEEN_CHECKS / 16;
+
+impl CpuScene {
+    /// The answers to parts of a batch, in order.
+    fn in_parts<T: Sync, R: Send>(
+        &self,
+        asked: &[T],
+        meter: &ProgressMeter<'_>,
+        ask: impl Fn(&[T], Option<&dyn Watch>) -> Result<R, QueryError> + Sync,
+    ) -> Result<Vec<R>, QueryError> {
+        let nothing = vec![(); asked.len().div_ceil(few(meter))];
+        self.in_parts_with(asked, nothing, meter, |asked, (), watch| ask(asked, watch))
+    }
+
+    /// The same, each with something of its own.
+    fn in_parts_with<T: Sync, O: Send, R: Send>(
+        &self,
+        asked: &[T],
+        own: Vec<O>,
+        meter: &ProgressMeter<'_>,
+        ask: impl Fn(&[T], O, Option<&dyn Watch>) -> Result<R, QueryError> + Sync,
+    ) -> Result<Vec<R>, QueryError> {
+        meter.begin_stage(Stage::Rays, asked.len() as u64);
+        let parts = asked.par_chunks(few(meter)).zip(own).map(|(asked, own)| {
+            meter.check_batch()?;
+            let watch = PartWatch(meter);
+            let watch: Option<&dyn Watch> = if meter.is_watched() { Some(&watch) } else { None };
+            let answer = ask(asked, own, watch).map_err(|error| match error {
+                // Of the whole, not of the part.
+                QueryError::Cancelled { .. } => meter.check_batch().err().unwrap_or(error),
+                error => error,
+            })?;
+            meter.advance(asked.len() as u64);
+            Ok(answer)
+        });
+        let parts = parts.collect::<Result<Vec<R>, QueryError>>()?;
+        meter.finish_stage();
+        meter.check_batch().map(|()| parts)
+    }
+}

@@ -326,6 +326,33 @@ fn limits_and_cancellation() {
     assert!(matches!(error, Err(QueryError::OutOfMemory { limit: 1000, .. })), "{error:?}");
 }
 
+/// A list of all points is given up while it is made: there is one query, so nothing is between two of them.
+#[test]
+fn one_long_list_is_cancelled() {
+    let mut random = Random::new(5);
+    let points: Vec<[f32; 2]> = (0..200_000).map(|_| [random.signed(), random.signed()]).collect();
+    let tree = CpuPointTree::build(&points, &PointOptions::default()).unwrap();
+    let none: &(dyn Fn(u32) -> bool + Sync) = &|_| false;
+    for filter in [None, Some(none)] {
+        let (calls, last) = (AtomicU64::new(0), AtomicU64::new(u64::MAX));
+        let watch = |_: &Progress| match calls.fetch_add(1, Ordering::Relaxed)
+            >= last.load(Ordering::Relaxed)
+        {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        };
+        let all = NearestOptions { watch: Some(&watch), filter, ..options(1) };
+        let found = tree.within_each(&[[0.0; 2]], &all).unwrap().found.len();
+        assert_eq!(found, if filter.is_some() { 0 } else { points.len() });
+        // 24 blocks of points, besides begin and end.
+        assert!(calls.swap(0, Ordering::Relaxed) >= 20);
+        last.store(9, Ordering::Relaxed);
+        let error = tree.within_each(&[[0.0; 2]], &all);
+        assert!(matches!(error, Err(QueryError::Cancelled { done: 0, total: 1 })), "{error:?}");
+        assert_eq!(calls.load(Ordering::Relaxed), 10, "nobody is asked again");
+    }
+}
+
 /// All lists, and why there are no more.
 fn lists_under(
     tree: &CpuPointTree<3>,

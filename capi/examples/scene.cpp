@@ -55,6 +55,15 @@ int main() try {
         return 1;
     }
 
+    // The same, as if every odd instance were not there: a lambda that captures nothing is a function.
+    options = splitplane::query_options();
+    options.filter = [](void *, const splitplane_scene_hit *found) { return int32_t(found->instance % 2 == 0); };
+    options.mask = ~7u;
+    splitplane::check(splitplane_scene_closest_hits(scene.get(), &rays, &options, &hit, sizeof hit, nullptr));
+    if (hit.instance != 4 || hit.t != 21) {
+        return 1;
+    }
+
     // All crossings: how many there are is known after the query.
     splitplane::lists lists;
     splitplane::check(splitplane_scene_all_hits(scene.get(), &rays, nullptr, lists.put(), nullptr));
@@ -76,7 +85,8 @@ int main() try {
                                                        distances.data(), sizeof(double), nullptr));
     std::printf("distances %g and %g\n", distances[0], distances[1]);
     splitplane::point_tree cloud;
-    splitplane::check(splitplane_point_tree_build(corners[0].data(), sizeof(point), corners.size(), 3, SPLITPLANE_POINT_AXES_WIDEST, nullptr, cloud.put()));
+    splitplane::check(splitplane_point_tree_build(backend.get(), corners[0].data(), sizeof(point), corners.size(), 3, SPLITPLANE_POINT_AXES_WIDEST,
+                                                  nullptr, cloud.put()));
     std::vector<splitplane_neighbour> nearest(2);
     splitplane::check(splitplane_point_tree_nearest(cloud.get(), asked[1].data(), sizeof(point), 1, 2, nullptr, nearest.data(), sizeof nearest[0]));
     std::printf("nearest corners %u and %u\n", nearest[0].point, nearest[1].point);

@@ -48,7 +48,7 @@ enum splitplane_status
     SPLITPLANE_STATUS_MESH = 11,
     // A scene has no geometry or instance of this number.
     SPLITPLANE_STATUS_UNKNOWN_ID = 12,
-    // A scene cannot have this: a transform that is not finite or has no inverse, a geometry that is removed while it has instances.
+    // A scene cannot have this: a transform that is not finite or has no inverse, a geometry that is removed while it has instances, a mesh where there are shapes.
     SPLITPLANE_STATUS_SCENE = 13,
     // A tree would be too large for its format.
     SPLITPLANE_STATUS_BUILD = 14,
@@ -184,6 +184,27 @@ typedef uint32_t splitplane_point_axes;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
+// What a set of shapes consists of.
+enum splitplane_shape_kind
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    // Spheres: 4 numbers each, the centre and the radius.
+    SPLITPLANE_SHAPE_KIND_SPHERES = 0,
+    // Capsules, all points within a radius of a segment: 7 numbers each, both ends of the segment and the radius.
+    SPLITPLANE_SHAPE_KIND_CAPSULES = 1,
+    // Shapes of yours: 6 numbers each, the lower and the upper corner of the box that it is in. On the CPU only.
+    SPLITPLANE_SHAPE_KIND_OWN = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum splitplane_shape_kind splitplane_shape_kind;
+#else
+typedef uint32_t splitplane_shape_kind;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
 // A change to a preset: `traversal_cost`, `intersection_cost`, `block_width`, `max_depth`, `references_per_triangle`, `clip`, `small_node_limit`, `empty_cutoff`,
 // `nodes_per_triangle`, `bins`, `empty_bonus`, `bad_splits`.
 typedef struct splitplane_knob {
@@ -221,6 +242,29 @@ typedef struct splitplane_build_options {
     uint32_t reserved;
 } splitplane_build_options;
 
+// Where a ray meets a triangle of an instance.
+typedef struct splitplane_scene_hit {
+    // Distance in units of the ray's direction; infinity for a miss.
+    float t;
+    // Weight of the second corner.
+    float u;
+    // Weight of the third corner.
+    float v;
+    // The triangle's place in the geometry's arrays; `SPLITPLANE_NONE` for a miss, as the next two.
+    uint32_t triangle;
+    // The geometry.
+    uint32_t geometry;
+    // The instance.
+    uint32_t instance;
+} splitplane_scene_hit;
+
+// Decides which hits count: `user` is `filter_user` of the options. Returns 0 for a hit that is to count as not there, anything else for one that counts. Called from any thread, by several at a
+// time. For the same hit it has to return the same, whoever asks and how often; it must not throw or `longjmp`.
+typedef int32_t (*splitplane_filter)(void *user, const struct splitplane_scene_hit *hit);
+
+// The same for points of a cloud, by their places in your array.
+typedef int32_t (*splitplane_point_filter)(void *user, uint32_t point);
+
 // Settings of queries. `splitplane_query_options_init` first. What a call does not use must be as it was then.
 typedef struct splitplane_query_options {
     // `sizeof(splitplane_query_options)`.
@@ -243,6 +287,12 @@ typedef struct splitplane_query_options {
     splitplane_progress progress;
     // Handed to it.
     void *user;
+    // Hits, crossings and their number in scenes: decides on the CPU which count; NULL: all do.
+    splitplane_filter filter;
+    // Points of a cloud: decides on the CPU which count; NULL: all do.
+    splitplane_point_filter point_filter;
+    // Handed to both.
+    void *filter_user;
     // Threads that work, at most 1024; 0 for as many as there are cores, or as the environment's `RAYON_NUM_THREADS` says.
     uint32_t threads;
     // 0.
@@ -402,21 +452,56 @@ typedef struct splitplane_update_report {
     uint64_t top_nodes_changed;
 } splitplane_update_report;
 
-// Where a ray meets a triangle of an instance.
-typedef struct splitplane_scene_hit {
-    // Distance in units of the ray's direction; infinity for a miss.
+// Says whether rays meet a place of a triangle, by the weights of its second and third corner: anything but 0 if they do. `user` is that of the call. Called by the thread that
+// makes the call; it must not throw or `longjmp`.
+typedef int32_t (*splitplane_opacity)(void *user, uint32_t triangle, float u, float v);
+
+// A place where a ray meets a shape of yours.
+typedef struct splitplane_shape_hit {
+    // Where on the ray, in units of its direction. It counts where it is finite and between the ray's limits.
     float t;
-    // Weight of the second corner.
+    // Two numbers of yours, which hits carry.
     float u;
-    // Weight of the third corner.
+    // The other one.
     float v;
-    // The triangle's place in the geometry's arrays; `SPLITPLANE_NONE` for a miss, as the next two.
-    uint32_t triangle;
-    // The geometry.
-    uint32_t geometry;
-    // The instance.
-    uint32_t instance;
-} splitplane_scene_hit;
+    // Anything but 0 where the ray comes from the front, which culling tells from the back.
+    uint32_t front;
+} splitplane_shape_hit;
+
+// Takes a place where a ray meets a shape: `to` is what the intersect function was given.
+typedef void (*splitplane_show_hit)(void *to, const struct splitplane_shape_hit *hit);
+
+// Intersects a shape of yours: calls `show(to, hit)` for every place where the ray meets it, in any order. `user` is that of the shapes. `ray` is eight floats in the object's space: origin, least t,
+// direction, greatest t; hits beyond the limits are not needed. For the same ray and primitive it has to show the same places, each in the primitive's box to within 2^-16 of (the
+// greatest of the ray's origin, and of the box). Called from any thread, by several at a time; it must not throw, `longjmp`, or keep `ray` and `to`.
+typedef void (*splitplane_intersect)(void *user,
+                                     uint32_t primitive,
+                                     const float *ray,
+                                     splitplane_show_hit show,
+                                     void *to);
+
+// Told that nothing uses `user` any more. Called once, by any thread.
+typedef void (*splitplane_release)(void *user);
+
+// A set of shapes. Hits name a shape as they do a triangle. One with a number that is not finite, a radius that is not more than 0 or a box that is empty is left out.
+typedef struct splitplane_shapes {
+    // A `splitplane_shape_kind`.
+    uint32_t kind;
+    // 0.
+    uint32_t reserved;
+    // Numbers of the first shape. They are copied.
+    const float *numbers;
+    // Bytes from one shape to the next.
+    size_t stride;
+    // How many shapes, less than 2^28.
+    size_t count;
+    // Intersects shapes of yours; NULL for others.
+    splitplane_intersect intersect;
+    // Handed to it.
+    void *user;
+    // Told when the library is done with `user`: the scene is freed or has other shapes, and no call uses them. May be NULL. Not called where the call fails that was given the shapes.
+    splitplane_release release;
+} splitplane_shapes;
 
 // The point of a scene that is closest to a point.
 typedef struct splitplane_scene_closest_point {
@@ -782,6 +867,58 @@ splitplane_status splitplane_scene_load_memory(struct splitplane_backend backend
                                                const struct splitplane_build_options *options,
                                                struct splitplane_scene *scene);
 
+// Says which parts of a geometry's triangles count for rays: a triangle has `4^level` cells of one bit each, of which the first of a word is its lowest. Rays pass cells whose bit
+// is 0. Points inside and closest points are those of the whole mesh. Words are those that `splitplane_scene_get_opacity` gives, `triangles * 4^level` bits in all, rounded up
+// to whole words; bits after the last cell are 0. `level` is 12 at most.
+//
+// The guide says in which order cells are; `splitplane_scene_make_opacity` makes words of a function.
+//
+// Threads: as for `splitplane_scene_add_geometry`.
+splitplane_status splitplane_scene_set_opacity(struct splitplane_scene scene,
+                                               uint32_t geometry,
+                                               uint32_t level,
+                                               const uint32_t *words,
+                                               size_t word_count);
+
+// As `splitplane_scene_set_opacity`, of what a function says about the middle of each cell: such as what a texture has there.
+//
+// Threads: as for `splitplane_scene_add_geometry`; the function must not use the scene.
+splitplane_status splitplane_scene_make_opacity(struct splitplane_scene scene,
+                                                uint32_t geometry,
+                                                uint32_t level,
+                                                splitplane_opacity function,
+                                                void *user);
+
+// Makes all parts of a geometry's triangles count again.
+//
+// Threads: as for `splitplane_scene_add_geometry`.
+splitplane_status splitplane_scene_clear_opacity(struct splitplane_scene scene, uint32_t geometry);
+
+// The opacity mask of a geometry: `level` gets its level, and `words` its words. `needed`, which may be NULL, gets how many words there are: 0 where all of the geometry counts, of which the level
+// is 0. `SPLITPLANE_STATUS_CAPACITY` where there is room for fewer; with `words` NULL and capacity 0 no words are written.
+//
+// Threads: any.
+splitplane_status splitplane_scene_get_opacity(struct splitplane_scene scene,
+                                               uint32_t geometry,
+                                               uint32_t *level,
+                                               uint32_t *words,
+                                               size_t capacity,
+                                               size_t *needed);
+
+// Adds a geometry of shapes. `geometry` gets its number.
+//
+// Threads: as for `splitplane_scene_add_geometry`.
+splitplane_status splitplane_scene_add_shapes(struct splitplane_scene scene,
+                                              const struct splitplane_shapes *shapes,
+                                              uint32_t *geometry);
+
+// Gives a geometry of shapes another set of any kind; its instances stay.
+//
+// Threads: as for `splitplane_scene_add_geometry`.
+splitplane_status splitplane_scene_replace_shapes(struct splitplane_scene scene,
+                                                  uint32_t geometry,
+                                                  const struct splitplane_shapes *shapes);
+
 // The closest hit of every ray: the one of least (t, instance, triangle). `hits` has room for one record a ray, `hit_stride` bytes apart: 24 where nothing is between them. `options` and `report`
 // may be NULL. After a failure the records mean nothing.
 //
@@ -812,6 +949,16 @@ splitplane_status splitplane_scene_all_hits(struct splitplane_scene scene,
                                             struct splitplane_lists *lists,
                                             struct splitplane_report *report);
 
+// How many crossings every ray has with surfaces, `count_stride` bytes apart. `max_memory` of the options limits those of one ray.
+//
+// Threads: any; one scene may answer many calls at a time.
+splitplane_status splitplane_scene_count_hits(struct splitplane_scene scene,
+                                              const struct splitplane_rays *rays,
+                                              const struct splitplane_query_options *options,
+                                              uint64_t *counts,
+                                              size_t count_stride,
+                                              struct splitplane_report *report);
+
 // How often the surfaces of all instances wind around every point, as `splitplane_tree_locate` says it.
 //
 // Threads: any; one scene may answer many calls at a time.
@@ -837,10 +984,11 @@ splitplane_status splitplane_scene_closest_points(struct splitplane_scene scene,
                                                   struct splitplane_report *report);
 
 // Builds a tree of points of 1 to 4 coordinates, `point_stride` bytes apart. It has its own copy. `axes` is a `splitplane_point_axes`; of `options`, which may be NULL, preset, layout and knobs stay
-// the defaults. Backends have no part in it: the CPU builds and answers.
+// the defaults. The backend builds the tree and answers; answers are the same on all.
 //
 // Threads: any.
-splitplane_status splitplane_point_tree_build(const float *points,
+splitplane_status splitplane_point_tree_build(struct splitplane_backend backend,
+                                              const float *points,
                                               size_t point_stride,
                                               size_t count,
                                               uint32_t dimensions,

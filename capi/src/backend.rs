@@ -2,6 +2,7 @@
 
 use std::ffi::c_char;
 
+use library::backend::Engine;
 use library::{Backend as LibraryBackend, BackendKind, OpenOptions, Preset};
 
 use crate::buffer::{check, check_offer, text, write};
@@ -11,13 +12,17 @@ use crate::status::{Failure, Status};
 
 /// A backend, and why it is this one.
 pub struct Opened {
-    pub(crate) backend: Box<dyn LibraryBackend>,
+    pub(crate) engine: Engine,
     reason: String,
 }
 
 impl Opened {
+    pub(crate) fn backend(&self) -> &dyn LibraryBackend {
+        self.engine.as_backend()
+    }
+
     pub(crate) fn is_cpu(&self) -> bool {
-        self.backend.describe().name == "cpu"
+        matches!(self.engine, Engine::Cpu(_))
     }
 }
 
@@ -50,8 +55,8 @@ pub unsafe extern "C" fn splitplane_backend_open(
                 Failure::new(Status::Option, error.to_string())
             })?;
         let options = OpenOptions { adapter, preset: Preset::Fast, ..OpenOptions::default() };
-        let found = kind.open_with(&options)?;
-        let handle = insert(Opened { backend: found.backend, reason: found.reason })?;
+        let found = kind.open_engine(&options)?;
+        let handle = insert(Opened { engine: found.engine, reason: found.reason })?;
         // SAFETY: there is room.
         unsafe { write(backend, handle, "backend") }
     })
@@ -73,7 +78,7 @@ pub unsafe extern "C" fn splitplane_backend_describe(
 ) -> Status {
     entry(|| {
         let opened = get(backend)?;
-        let info = opened.backend.describe();
+        let info = opened.backend().describe();
         let adapter = info.adapter.map_or(String::new(), |adapter| format!(" on {adapter}"));
         let threads = info.threads.map_or(String::new(), |count| format!(", {count} threads"));
         let (name, detail, reason) = (info.name, info.detail, &opened.reason);

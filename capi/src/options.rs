@@ -8,6 +8,7 @@ use library::{
 
 use crate::buffer::{check, read, write};
 use crate::entry::entry;
+use crate::record::SceneHit;
 use crate::status::{Failure, Status};
 
 /// No triangle, instance, geometry or point: what records of a miss have.
@@ -66,6 +67,14 @@ pub enum Culling {
 pub type ProgressFunction = Option<
     unsafe extern "C" fn(user: *mut c_void, stage: *const c_char, done: u64, total: u64) -> i32,
 >;
+
+/// Decides which hits count: `user` is `filter_user` of the options. Returns 0 for a hit that is to count as not there, anything else for one that counts. Called from any thread, by several at a
+/// time. For the same hit it has to return the same, whoever asks and how often; it must not throw or `longjmp`.
+pub type FilterFunction =
+    Option<unsafe extern "C" fn(user: *mut c_void, hit: *const SceneHit) -> i32>;
+
+/// The same for points of a cloud, by their places in your array.
+pub type PointFilterFunction = Option<unsafe extern "C" fn(user: *mut c_void, point: u32) -> i32>;
 
 /// A change to a preset: `traversal_cost`, `intersection_cost`, `block_width`, `max_depth`, `references_per_triangle`, `clip`, `small_node_limit`, `empty_cutoff`,
 /// `nodes_per_triangle`, `bins`, `empty_bonus`, `bad_splits`.
@@ -128,6 +137,12 @@ pub struct QueryOptions {
     pub progress: ProgressFunction,
     /// Handed to it.
     pub user: *mut c_void,
+    /// Hits, crossings and their number in scenes: decides on the CPU which count; NULL: all do.
+    pub filter: FilterFunction,
+    /// Points of a cloud: decides on the CPU which count; NULL: all do.
+    pub point_filter: PointFilterFunction,
+    /// Handed to both.
+    pub filter_user: *mut c_void,
     /// Threads that work, at most 1024; 0 for as many as there are cores, or as the environment's `RAYON_NUM_THREADS` says.
     pub threads: u32,
     /// 0.
@@ -158,6 +173,9 @@ pub(crate) const QUERY_DEFAULTS: QueryOptions = QueryOptions {
     max_memory: 0,
     progress: None,
     user: std::ptr::null_mut(),
+    filter: None,
+    point_filter: None,
+    filter_user: std::ptr::null_mut(),
     threads: 0,
     reserved: 0,
 };

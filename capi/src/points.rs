@@ -2,14 +2,15 @@
 
 use bytemuck::Pod;
 use library::QueryError;
+use library::backend::Engine;
 use library::points::{
-    Axes, CpuPointTree, KeptBytes, NearestOptions, Neighbour as Near, PointOptions,
+    AnyPointTree, Axes, KeptBytes, NearestOptions, Neighbour as Near, PointOptions,
 };
 
 use crate::buffer::{Given, Wanted, check, filled, reserve, write};
 use crate::build_settings::Build;
 use crate::entry::entry;
-use crate::handle::{Lists, PointTree, free, get, insert};
+use crate::handle::{Backend, Lists, PointTree, free, get, insert};
 use crate::lists::Object as ListsObject;
 use crate::options::{BuildOptions, QueryOptions, chosen};
 use crate::pool;
@@ -26,13 +27,13 @@ const KEPT: KeptBytes = KeptBytes { list: 8, neighbour: size_of::<Near>() as u64
 /// What a handle of a point tree names.
 pub enum Object {
     /// Numbers.
-    One(CpuPointTree<1>),
+    One(AnyPointTree<1>),
     /// Points in the plane.
-    Two(CpuPointTree<2>),
+    Two(AnyPointTree<2>),
     /// Points in space.
-    Three(CpuPointTree<3>),
+    Three(AnyPointTree<3>),
     /// Points in space and time.
-    Four(CpuPointTree<4>),
+    Four(AnyPointTree<4>),
 }
 
 /// Does the same for the tree of any number of dimensions.
@@ -72,22 +73,23 @@ pub struct PointSummary {
 /// # Safety
 /// As for [`Given::new`].
 unsafe fn build<const N: usize>(
+    engine: &Engine,
     first: *const f32,
     stride: usize,
     count: usize,
     options: &PointOptions<'_>,
-) -> Result<CpuPointTree<N>, Failure>
+) -> Result<AnyPointTree<N>, Failure>
 where
     [f32; N]: Pod,
 {
     // SAFETY: as the caller says.
     let given = unsafe { Given::<[f32; N]>::new(first.cast(), stride, count, "points")? };
     let mut copy = Vec::new();
-    Ok(CpuPointTree::build(given.beside(&mut copy)?, options)?)
+    Ok(engine.points(given.beside(&mut copy)?, options)?)
 }
 
 /// Builds a tree of points of 1 to 4 coordinates, `point_stride` bytes apart. It has its own copy. `axes` is a `splitplane_point_axes`; of `options`, which may be NULL, preset, layout and knobs stay
-/// the defaults. Backends have no part in it: the CPU builds and answers.
+/// the defaults. The backend builds the tree and answers; answers are the same on all.
 ///
 /// Threads: any.
 ///
@@ -95,6 +97,7 @@ where
 /// So many points are there, `options` says what is there, and `tree` has room for a handle.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn splitplane_point_tree_build(
+    backend: Backend,
     points: *const f32,
     point_stride: usize,
     count: usize,
@@ -105,6 +108,7 @@ pub unsafe extern "C" fn splitplane_point_tree_build(
 ) -> Status {
     entry(|| {
         check(tree, "tree")?;
+        let opened = get(backend)?;
         // SAFETY: as the caller says.
         let own = unsafe { Build::read(options)? };
         own.for_points()?;
@@ -116,15 +120,15 @@ pub unsafe extern "C" fn splitplane_point_tree_build(
         }
         let max_memory = own.options().max_memory;
         let options = PointOptions { axes, max_memory, watch: watch(&own.caller) };
-        let (points, stride) = (Asked(points), point_stride);
+        let (points, stride, engine) = (Asked(points), point_stride, &opened.engine);
         let object = pool::run(own.threads, || {
             // SAFETY: as the caller says.
             unsafe {
                 match dimensions {
-                    1 => Ok(Object::One(build(points.first(), stride, count, &options)?)),
-                    2 => Ok(Object::Two(build(points.first(), stride, count, &options)?)),
-                    3 => Ok(Object::Three(build(points.first(), stride, count, &options)?)),
-                    4 => Ok(Object::Four(build(points.first(), stride, count, &options)?)),
+                    1 => Ok(Object::One(build(engine, points.first(), stride, count, &options)?)),
+                    2 => Ok(Object::Two(build(engine, points.first(), stride, count, &options)?)),
+                    3 => Ok(Object::Three(build(engine, points.first(), stride, count, &options)?)),
+                    4 => Ok(Object::Four(build(engine, points.first(), stride, count, &options)?)),
                     _ => {
                         let text = format!("a point tree has 1 to 4 dimensions, not {dimensions}");
                         Err(Failure::new(Status::Option, text))
@@ -236,7 +240,7 @@ pub unsafe extern "C" fn splitplane_point_tree_nearest(
 }
 
 fn nearest<const N: usize>(
-    tree: &CpuPointTree<N>,
+    tree: &AnyPointTree<N>,
     given: &Given<'_, [f32; N]>,
     k: usize,
     query: &Query,
@@ -256,6 +260,8 @@ where
     }
     let max_memory = query.max_memory.map(|limit| limit - held);
     let mut found = filled(chunk * k, Near::NONE)?;
+    let keeps = |point| query.point_filter.is_none_or(|filter| filter.keeps(point));
+    let filter = query.point_filter.map(|_| -> &(dyn Fn(u32) -> bool + Sync) { &keeps });
     let mut asked = Vec::new();
     for first in (0..total).step_by(chunk) {
         let here = first..total.min(first + chunk);
@@ -263,7 +269,7 @@ where
         reserve(&mut asked, here.len())?;
         asked.extend(here.clone().map(|place| given.at(place)));
         let part = query.caller.map(|caller| caller.part(first, total));
-        let (max_distance, filter) = (query.max_distance, None);
+        let max_distance = query.max_distance;
         let options = NearestOptions { k, max_distance, filter, max_memory, watch: watch(&part) };
         let found = &mut found[..here.len() * k];
         tree.nearest(&asked, found, &options)?;
@@ -306,7 +312,7 @@ pub unsafe extern "C" fn splitplane_point_tree_within(
 }
 
 fn within<const N: usize>(
-    tree: &CpuPointTree<N>,
+    tree: &AnyPointTree<N>,
     given: &Given<'_, [f32; N]>,
     query: &Query,
 ) -> Result<ListsObject, Failure>
@@ -330,7 +336,9 @@ where
     };
     let mut copy = Vec::new();
     let queries = given.beside(&mut copy)?;
-    let options = NearestOptions { k: 0, max_distance, filter: None, max_memory, watch: caller };
+    let keeps = |point| query.point_filter.is_none_or(|filter| filter.keeps(point));
+    let filter = query.point_filter.map(|_| -> &(dyn Fn(u32) -> bool + Sync) { &keeps });
+    let options = NearestOptions { k: 0, max_distance, filter, max_memory, watch: caller };
     tree.for_each_within(queries, &options, KEPT, |some| -> Result<(), Failure> {
         let needed = size_of_val(&found[..]) + size_of_val(some);
         found.try_reserve(some.len()).map_err(|_| Failure::memory(needed))?;

@@ -1,13 +1,15 @@
 //! The settings of a query, checked: what it does not use has to be what it is by default.
 
 use library::objects::{
-    IgnoredTriangle, InstanceId, SceneAllHitsOptions, SceneClosestPointOptions, SceneOptions,
+    Filter, IgnoredTriangle, InstanceId, SceneAllHitsOptions, SceneClosestPointOptions,
+    SceneOptions,
 };
 use library::{
     Accuracy as LibraryAccuracy, AllHitsOptions, ClosestPointOptions, Culling as LibraryCulling,
     LocateOptions, QueryOptions as LibraryQueryOptions, Watch,
 };
 
+use crate::filter::{HitFilter, PointFilter};
 use crate::options::{
     ACCURACIES, CULLINGS, NONE, QUERY_DEFAULTS, QueryOptions, chosen, limit, reserved, settings,
 };
@@ -23,6 +25,9 @@ pub(crate) struct Uses {
     pub(crate) instances: bool,
     pub(crate) max_distance: bool,
     pub(crate) max_memory: bool,
+    /// The filter of hits.
+    pub(crate) filter: bool,
+    pub(crate) point_filter: bool,
 }
 
 impl Uses {
@@ -33,6 +38,8 @@ impl Uses {
         instances: false,
         max_distance: false,
         max_memory: false,
+        filter: false,
+        point_filter: false,
     };
     pub(crate) const HITS: Uses =
         Uses { accuracy: true, culling: true, ignore: true, ..Uses::NOTHING };
@@ -42,12 +49,12 @@ impl Uses {
     pub(crate) const CLOSEST_POINTS: Uses =
         Uses { ignore: true, max_distance: true, ..Uses::NOTHING };
     pub(crate) const SIGNED: Uses = Uses { max_memory: true, ..Uses::NOTHING };
-    pub(crate) const POINTS: Uses = Uses { max_distance: true, max_memory: true, ..Uses::NOTHING };
-
-    /// The same for a scene.
-    pub(crate) const fn of_instances(self) -> Uses {
-        Uses { instances: true, ..self }
-    }
+    pub(crate) const POINTS: Uses =
+        Uses { max_distance: true, max_memory: true, point_filter: true, ..Uses::NOTHING };
+    pub(crate) const SCENE_HITS: Uses = Uses { instances: true, filter: true, ..Uses::HITS };
+    pub(crate) const SCENE_ALL_HITS: Uses =
+        Uses { instances: true, filter: true, ..Uses::ALL_HITS };
+    pub(crate) const SCENE_CLOSEST_POINTS: Uses = Uses { instances: true, ..Uses::CLOSEST_POINTS };
 }
 
 /// The settings of a query, checked.
@@ -60,6 +67,8 @@ pub(crate) struct Query {
     pub(crate) max_distance: f32,
     pub(crate) max_memory: Option<u64>,
     pub(crate) caller: Option<Caller>,
+    filter: Option<HitFilter>,
+    pub(crate) point_filter: Option<PointFilter>,
     pub(crate) threads: u32,
 }
 
@@ -80,6 +89,9 @@ impl Query {
             (uses.instances && uses.ignore, own.ignore_instance != NONE, "ignore_instance"),
             (uses.max_distance, limited, "max_distance"),
             (uses.max_memory, own.max_memory != 0, "max_memory"),
+            (uses.filter, own.filter.is_some(), "filter"),
+            (uses.point_filter, own.point_filter.is_some(), "point_filter"),
+            (uses.filter || uses.point_filter, !own.filter_user.is_null(), "filter_user"),
         ] {
             if changed && !used {
                 let text = format!("options: `{name}` means nothing for this call");
@@ -107,6 +119,8 @@ impl Query {
             max_distance: own.max_distance,
             max_memory: limit(own.max_memory),
             caller: caller(own.progress, own.user),
+            filter: HitFilter::of(own.filter, own.filter_user),
+            point_filter: PointFilter::of(own.point_filter, own.filter_user),
             threads: own.threads,
         })
     }
@@ -135,13 +149,14 @@ impl Query {
         Some(IgnoredTriangle { instance, triangle })
     }
 
-    pub(crate) fn scene_hits<'a>(&self, watch: Option<&'a dyn Watch>) -> SceneOptions<'a> {
+    pub(crate) fn scene_hits<'a>(&'a self, watch: Option<&'a dyn Watch>) -> SceneOptions<'a> {
         let Query { accuracy, culling, mask, .. } = *self;
-        SceneOptions { accuracy, culling, mask, ignore: self.ignored(), filter: None, watch }
+        let filter = self.filter.as_ref().map(|filter| -> &dyn Filter { filter });
+        SceneOptions { accuracy, culling, mask, ignore: self.ignored(), filter, watch }
     }
 
     pub(crate) fn scene_all_hits<'a>(
-        &self,
+        &'a self,
         watch: Option<&'a dyn Watch>,
     ) -> SceneAllHitsOptions<'a> {
         SceneAllHitsOptions { query: self.scene_hits(watch), max_memory: self.max_memory }

@@ -23,7 +23,7 @@ use crate::tree::{change, fetch, look, memory, store};
 
 /// A scene and its backend.
 pub struct State {
-    description: Description,
+    pub(crate) description: Description,
     pub(crate) built: Box<dyn SceneAccelerator>,
     opened: Arc<Opened>,
     /// Whether the description was edited since it was built.
@@ -105,7 +105,7 @@ pub unsafe extern "C" fn splitplane_scene_create(backend: Backend, scene: *mut S
     entry(|| {
         check(scene, "scene")?;
         let (opened, description) = (get(backend)?, Description::new());
-        let built = opened.backend.build_scene(&description, &LibraryBuildOptions::default())?;
+        let built = opened.backend().build_scene(&description, &LibraryBuildOptions::default())?;
         let state = State { description, built, opened, edited: false };
         // SAFETY: there is room.
         unsafe { write(scene, insert(RwLock::new(state))?, "scene") }
@@ -121,7 +121,7 @@ pub extern "C" fn splitplane_scene_free(scene: Scene) -> Status {
 }
 
 /// Edits a description. An edit that fails changes nothing.
-fn edit<T>(
+pub(crate) fn edit<T>(
     scene: Scene,
     work: impl FnOnce(&mut Description) -> Result<T, Failure>,
 ) -> Result<T, Failure> {
@@ -292,7 +292,7 @@ pub unsafe extern "C" fn splitplane_scene_update(
         let (mut state, options) = (change(&object)?, build.options());
         let State { description, built, opened, edited } = &mut *state;
         let done = pool::run(build.threads, || {
-            Ok(opened.backend.update_scene(&mut **built, description, &options)?)
+            Ok(opened.backend().update_scene(&mut **built, description, &options)?)
         })?;
         *edited = false;
         let found = UpdateReport {
@@ -418,7 +418,7 @@ unsafe fn load(
     build.for_loading()?;
     let limits: LoadOptions<'_> = build.options().for_loading();
     let (description, built) = pool::run(build.threads, || {
-        Ok(opened.backend.load_scene(&SceneFile::parse(bytes)?, &limits)?)
+        Ok(opened.backend().load_scene(&SceneFile::parse(bytes)?, &limits)?)
     })?;
     let state = State { description, built, opened, edited: false };
     // SAFETY: there is room.

@@ -36,7 +36,7 @@ pub unsafe extern "C" fn splitplane_scene_closest_hits(
     entry(|| {
         let object = get(scene)?;
         check_offer(report, "report")?;
-        let uses = Uses::HITS.of_instances();
+        let uses = Uses::SCENE_HITS;
         // SAFETY: as the caller says.
         let (query, rays) = unsafe { (Query::read(options, uses)?, View::new(rays)?) };
         let first = hits.cast::<HitOfScene>();
@@ -73,7 +73,7 @@ pub unsafe extern "C" fn splitplane_scene_any_hits(
     entry(|| {
         let object = get(scene)?;
         check_offer(report, "report")?;
-        let uses = Uses::HITS.of_instances();
+        let uses = Uses::SCENE_HITS;
         // SAFETY: as the caller says.
         let (query, rays) = unsafe { (Query::read(options, uses)?, View::new(rays)?) };
         // SAFETY: as the caller says.
@@ -108,7 +108,7 @@ pub unsafe extern "C" fn splitplane_scene_all_hits(
         check(lists, "lists")?;
         check_offer(report, "report")?;
         let object = get(scene)?;
-        let uses = Uses::ALL_HITS.of_instances();
+        let uses = Uses::SCENE_ALL_HITS;
         // SAFETY: as the caller says.
         let (query, rays) = unsafe { (Query::read(options, uses)?, View::new(rays)?) };
         let state = current(&object)?;
@@ -122,6 +122,42 @@ pub unsafe extern "C" fn splitplane_scene_all_hits(
         let handle = insert(ListsObject::Scene(all))?;
         // SAFETY: as the caller says.
         unsafe { write(lists, handle, "lists").and_then(|()| offer(report, found, "report")) }
+    })
+}
+
+/// How many crossings every ray has with surfaces, `count_stride` bytes apart. `max_memory` of the options limits those of one ray.
+///
+/// Threads: any; one scene may answer many calls at a time.
+///
+/// # Safety
+/// As for `splitplane_scene_closest_hits`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn splitplane_scene_count_hits(
+    scene: Scene,
+    rays: *const Rays,
+    options: *const QueryOptions,
+    counts: *mut u64,
+    count_stride: usize,
+    report: *mut Report,
+) -> Status {
+    entry(|| {
+        let object = get(scene)?;
+        check_offer(report, "report")?;
+        let uses = Uses::SCENE_ALL_HITS;
+        // SAFETY: as the caller says.
+        let (query, rays) = unsafe { (Query::read(options, uses)?, View::new(rays)?) };
+        // SAFETY: as the caller says.
+        let mut wanted = unsafe { Wanted::new(counts, count_stride, rays.len(), "counts")? };
+        rays.places().try_for_each(|given| wanted.apart_from(given))?;
+        let state = current(&object)?;
+        let built = &state.built;
+        let found = pool::run(query.threads, || {
+            batch::rays(&rays, &mut wanted, 0u64, query.caller, |rays, counts, watch| {
+                Ok(built.count_hits(rays, counts, &query.scene_all_hits(watch))?)
+            })
+        })?;
+        // SAFETY: as the caller says.
+        unsafe { offer(report, found, "report") }
     })
 }
 
@@ -184,7 +220,7 @@ pub unsafe extern "C" fn splitplane_scene_closest_points(
     entry(|| {
         let object = get(scene)?;
         check_offer(report, "report")?;
-        let uses = Uses::CLOSEST_POINTS.of_instances();
+        let uses = Uses::SCENE_CLOSEST_POINTS;
         // SAFETY: as the caller says.
         let (query, given) =
             unsafe { (Query::read(options, uses)?, self::points(points, point_stride, count)?) };

@@ -95,7 +95,7 @@ pub unsafe extern "C" fn splitplane_tree_build(
         // SAFETY: as the caller says.
         let (build, mesh) = unsafe { (Build::read(options)?, copies.mesh(mesh)?) };
         let options = build.options();
-        let built = pool::run(build.threads, || Ok(opened.backend.build(&mesh, &options)?))?;
+        let built = pool::run(build.threads, || Ok(opened.backend().build(&mesh, &options)?))?;
         let handle = insert(RwLock::new(State { accelerator: built, opened }))?;
         // SAFETY: there is room.
         unsafe { write(tree, handle, "tree") }
@@ -121,7 +121,7 @@ pub unsafe extern "C" fn splitplane_tree_rebuild(
         let options = build.options();
         let mut state = change(&object)?;
         let State { accelerator, opened } = &mut *state;
-        let backend = &opened.backend;
+        let backend = opened.backend();
         pool::run(build.threads, || Ok(backend.rebuild(accelerator, &mesh, &options)?))
     })
 }
@@ -318,7 +318,7 @@ unsafe fn load(
             let text = "the tree was built over another mesh: its digest differs";
             return Err(Failure::new(Status::WrongMesh, text));
         }
-        Ok(opened.backend.load(&mesh, kept.tree.to_tree()?, &limits)?)
+        Ok(opened.backend().load(&mesh, kept.tree.to_tree()?, &limits)?)
     })?;
     let handle = insert(RwLock::new(State { accelerator, opened }))?;
     // SAFETY: there is room.

@@ -68,6 +68,29 @@ static void fill(void) {
     rays.count = RAYS;
 }
 
+static atomic_int releases;
+
+static int32_t keep(void *user, const splitplane_scene_hit *hit) {
+    (void)user;
+    return hit->triangle % 2 == 0;
+}
+
+static void plane(void *user, uint32_t primitive, const float *ray, splitplane_show_hit show, void *to) {
+    const splitplane_shape_hit hit = {-ray[2] / ray[6], 0, 0, 1};
+    (void)user, (void)primitive;
+    show(to, &hit);
+}
+
+static void released(void *user) {
+    (void)user;
+    atomic_fetch_add(&releases, 1);
+}
+
+static int32_t opaque(void *user, uint32_t triangle, float u, float v) {
+    (void)user, (void)triangle;
+    return u > v;
+}
+
 /* One of everything, asked and freed. */
 static void live_once(splitplane_backend backend, unsigned round) {
     splitplane_hit hits[RAYS];
@@ -95,8 +118,28 @@ static void live_once(splitplane_backend backend, unsigned round) {
         need("instance", splitplane_scene_add_instance(scene, &instance, &name));
         need("update", splitplane_scene_update(scene, NULL, NULL));
         need("scene hits", splitplane_scene_closest_hits(scene, &rays, NULL, scene_hits, sizeof scene_hits[0], NULL));
+        /* The same with shapes, an opacity mask and a filter. */
+        const float box[6] = {-99, -99, 0, 99, 99, 0};
+        const splitplane_shapes shapes = {SPLITPLANE_SHAPE_KIND_OWN, 0, box, sizeof box, 1, plane, NULL, released};
+        splitplane_query_options filtered;
+        need("options", splitplane_query_options_init(&filtered, sizeof filtered));
+        filtered.filter = keep;
+        need("opacity", splitplane_scene_make_opacity(scene, 0, 2, opaque, NULL));
+        need("shapes", splitplane_scene_add_shapes(scene, &shapes, &name));
+        splitplane_instance other = instance;
+        other.geometry = name;
+        need("instance", splitplane_scene_add_instance(scene, &other, &name));
+        need("update", splitplane_scene_update(scene, NULL, NULL));
+        need("filtered hits", splitplane_scene_closest_hits(scene, &rays, &filtered, scene_hits, sizeof scene_hits[0], NULL));
+        if (scene_hits[0].triangle == SPLITPLANE_NONE || scene_hits[0].triangle % 2 != 0) {
+            fail("the filter", SPLITPLANE_STATUS_OK);
+        }
+        const int before = atomic_load(&releases);
         need("free scene", splitplane_scene_free(scene));
-        need("cloud", splitplane_point_tree_build(positions[0], 12, VERTICES, 3, 0, NULL, &cloud));
+        if (atomic_load(&releases) != before + 1) {
+            fail("shapes are not released", SPLITPLANE_STATUS_OK);
+        }
+        need("cloud", splitplane_point_tree_build(backend, positions[0], 12, VERTICES, 3, 0, NULL, &cloud));
         need("nearest", splitplane_point_tree_nearest(cloud, rays_words[0], 24, RAYS, 2, NULL, nearest, sizeof nearest[0]));
         need("free cloud", splitplane_point_tree_free(cloud));
         /* What fails leaves nothing either. */

@@ -46,6 +46,10 @@ enum {
     NO_MEMORY = 1 << 26,
     LOADS = 1 << 27,
     IN_RANGE = 1 << 28,
+    /* Filters of hits. */
+    FILTERS = 1 << 29,
+    SHAPES = 1 << 30,
+    OPACITY = -2147483647 - 1,
 };
 
 enum { FEW = 40 };
@@ -80,6 +84,12 @@ typedef struct {
     uint32_t geometry, number;
     uint32_t dimensions, axes;
     const char *backend_name;
+    splitplane_shapes shapes_record;
+    const splitplane_shapes *shapes;
+    uint32_t level;
+    const uint32_t *opacity_words;
+    size_t opacity_count;
+    splitplane_opacity opacity;
 } args;
 
 /* Arrays that stay. */
@@ -92,6 +102,8 @@ static float point_words[FEW][4];
 static uint64_t answers[FEW * 64];
 static uint64_t room_words[64];
 static splitplane_report report;
+/* Level 2 of 12 triangles: 192 bits. */
+static uint32_t opacity_bits[8];
 static uint8_t *tree_file, *scene_file;
 static uint64_t *damaged;
 static size_t tree_size, scene_size;
@@ -143,7 +155,14 @@ CALL(do_scene_any, splitplane_scene_any_hits(a->scene, a->rays, a->query, a->out
 CALL(do_scene_all, splitplane_scene_all_hits(a->scene, a->rays, a->query, a->room, a->report))
 CALL(do_scene_locate, splitplane_scene_locate(a->scene, a->points, a->point_stride, a->point_count, a->query, a->out, a->out_stride, a->report))
 CALL(do_scene_closest_points, splitplane_scene_closest_points(a->scene, a->points, a->point_stride, a->point_count, a->query, a->out, a->out_stride, a->report))
-CALL(do_cloud_build, splitplane_point_tree_build(a->points, a->point_stride, a->point_count, a->dimensions, a->axes, a->build, a->room))
+CALL(do_scene_count, splitplane_scene_count_hits(a->scene, a->rays, a->query, a->out, a->out_stride, a->report))
+CALL(do_add_shapes, splitplane_scene_add_shapes(a->scene, a->shapes, a->room))
+CALL(do_replace_shapes, splitplane_scene_replace_shapes(a->scene, 1 + a->geometry, a->shapes))
+CALL(do_set_opacity, splitplane_scene_set_opacity(a->scene, a->geometry, a->level, a->opacity_words, a->opacity_count))
+CALL(do_make_opacity, splitplane_scene_make_opacity(a->scene, a->geometry, a->level, a->opacity, NULL))
+CALL(do_clear_opacity, splitplane_scene_clear_opacity(a->scene, a->geometry))
+CALL(do_get_opacity, splitplane_scene_get_opacity(a->scene, a->geometry, a->room, (uint32_t *)answers, a->capacity, NULL))
+CALL(do_cloud_build, splitplane_point_tree_build(a->backend, a->points, a->point_stride, a->point_count, a->dimensions, a->axes, a->build, a->room))
 CALL(do_cloud_summary, splitplane_point_tree_get_summary(a->cloud, a->room))
 CALL(do_cloud_digest, splitplane_point_tree_digest(a->cloud, a->room))
 CALL(do_nearest, splitplane_point_tree_nearest(a->cloud, a->points, a->point_stride, a->point_count, a->k, a->query, a->out, a->out_stride))
@@ -151,6 +170,13 @@ CALL(do_within, splitplane_point_tree_within(a->cloud, a->points, a->point_strid
 CALL(do_lists_size, splitplane_lists_size(a->lists, a->room, (size_t *)answers))
 CALL(do_lists_starts, splitplane_lists_starts(a->lists, a->room, a->capacity))
 CALL(do_lists_crossings, splitplane_lists_crossings(a->lists, a->out, a->out_stride, a->capacity))
+
+static int32_t keep_hit(void *user, const splitplane_scene_hit *hit) { return user != NULL || hit->triangle != 3; }
+static int32_t keep_point(void *user, uint32_t point) { return user != NULL || point != 3; }
+static int32_t opaque(void *user, uint32_t triangle, float u, float v) { return user != NULL || triangle > 2 || u < v; }
+static void no_hit(void *user, uint32_t primitive, const float *ray, splitplane_show_hit show, void *to) {
+    (void)user, (void)primitive, (void)ray, (void)show, (void)to;
+}
 
 #define HITS (RAYS | QUERY | OUT | REPORT | NO_DISTANCE | NO_MEMORY)
 #define ALL (RAYS | QUERY | REPORT | NO_ACCURACY | NO_DISTANCE)
@@ -195,12 +221,19 @@ static const struct {
     {"scene_write", do_scene_write, SCENE | CAPACITY, 0},
     {"scene_load", do_scene_load, BACKEND | PATH | BUILD | ROOM | LOADS, 0},
     {"scene_load_memory", do_scene_load_memory, BACKEND | BYTES | BUILD | ROOM | LOADS, 0},
-    {"scene_closest_hits", do_scene_closest, SCENE | HITS | WORDS, 24},
-    {"scene_any_hits", do_scene_any, SCENE | HITS, 1},
-    {"scene_all_hits", do_scene_all, SCENE | ALL | ROOM, 0},
+    {"scene_closest_hits", do_scene_closest, SCENE | HITS | WORDS | FILTERS, 24},
+    {"scene_any_hits", do_scene_any, SCENE | HITS | FILTERS, 1},
+    {"scene_all_hits", do_scene_all, SCENE | ALL | ROOM | FILTERS, 0},
+    {"scene_count_hits", do_scene_count, SCENE | ALL | OUT | WORDS | FILTERS, 8},
+    {"scene_add_shapes", do_add_shapes, SCENE | SHAPES | ROOM, 0},
+    {"scene_replace_shapes", do_replace_shapes, SCENE | SHAPES | GEOMETRY, 0},
+    {"scene_set_opacity", do_set_opacity, SCENE | GEOMETRY | (uint32_t)OPACITY, 0},
+    {"scene_make_opacity", do_make_opacity, SCENE | GEOMETRY, 0},
+    {"scene_get_opacity", do_get_opacity, SCENE | GEOMETRY | ROOM | CAPACITY, 0},
+    {"scene_clear_opacity", do_clear_opacity, SCENE | GEOMETRY, 0},
     {"scene_locate", do_scene_locate, SCENE | INSIDE, 4},
     {"scene_closest_points", do_scene_closest_points, SCENE | NEAR, 40},
-    {"point_tree_build", do_cloud_build, POINTS | BUILD | ROOM | LOADS, 0},
+    {"point_tree_build", do_cloud_build, BACKEND | POINTS | BUILD | ROOM | LOADS, 0},
     {"point_tree_get_summary", do_cloud_summary, CLOUD | ROOM, 0},
     {"point_tree_digest", do_cloud_digest, CLOUD | ROOM, 0},
     {"point_tree_nearest", do_nearest, OF_CLOUD | OUT | WORDS | NEAREST, 16},
@@ -308,6 +341,33 @@ MISTAKE(mask_unused, a->query_record.mask = 1)
 MISTAKE(instance_unused, a->query_record.ignore_instance = 0)
 MISTAKE(distance_unused, a->query_record.max_distance = 1)
 MISTAKE(memory_unused, a->query_record.max_memory = 1000000)
+
+MISTAKE(filter_unused, a->query_record.filter = keep_hit)
+MISTAKE(point_filter_unused, a->query_record.point_filter = keep_point)
+MISTAKE(filter_user_unused, a->query_record.filter_user = &a->number)
+
+MISTAKE(shapes_null, a->shapes = NULL)
+MISTAKE(shapes_odd, a->shapes = BYTE(a->shapes, 4))
+MISTAKE(shape_kind_unknown, a->shapes_record.kind = 3)
+MISTAKE(shapes_reserved, a->shapes_record.reserved = 1)
+MISTAKE(shape_numbers_null, a->shapes_record.numbers = NULL)
+MISTAKE(shape_numbers_odd, a->shapes_record.numbers = BYTE(a->shapes_record.numbers, 2))
+MISTAKE(shape_stride_0, a->shapes_record.stride = 0)
+MISTAKE(shape_stride_8, a->shapes_record.stride = 8)
+MISTAKE(shape_stride_18, a->shapes_record.stride = 18)
+MISTAKE(shape_stride_huge, a->shapes_record.stride = SIZE_MAX - 3)
+MISTAKE(shape_count_huge, a->shapes_record.count = SIZE_MAX)
+MISTAKE(shape_count_many, a->shapes_record.count = (size_t)1 << 28)
+MISTAKE(spheres_have_no_function, a->shapes_record.intersect = no_hit)
+MISTAKE(spheres_have_no_user, a->shapes_record.user = a)
+MISTAKE(own_shapes_need_a_function, (a->shapes_record.kind = SPLITPLANE_SHAPE_KIND_OWN, a->shapes_record.stride = 24))
+MISTAKE(own_shapes_need_a_box, (a->shapes_record.kind = SPLITPLANE_SHAPE_KIND_OWN, a->shapes_record.intersect = no_hit))
+MISTAKE(level_13, a->level = 13)
+MISTAKE(opacity_words_null, a->opacity_words = NULL)
+MISTAKE(opacity_words_odd, a->opacity_words = BYTE(a->opacity_words, 1))
+MISTAKE(opacity_words_few, a->opacity_count -= 1)
+MISTAKE(opacity_words_many, a->opacity_count += 1)
+MISTAKE(opacity_words_huge, a->opacity_count = SIZE_MAX)
 
 MISTAKE(points_null, a->points = NULL)
 MISTAKE(points_odd, a->points = BYTE(a->points, 2))
@@ -461,6 +521,31 @@ static const struct {
     ONE(instance_unused, QUERY, OPTION),
     ONE(distance_unused, NO_DISTANCE, OPTION),
     ONE(memory_unused, NO_MEMORY, OPTION),
+    BUT(filter_unused, QUERY, FILTERS, OPTION),
+    BUT(point_filter_unused, QUERY, CLOUD, OPTION),
+    BUT(filter_user_unused, QUERY, FILTERS | CLOUD, OPTION),
+    ONE(shapes_null, SHAPES, NULL_POINTER),
+    ONE(shapes_odd, SHAPES, MISALIGNED),
+    ONE(shape_kind_unknown, SHAPES, OPTION),
+    ONE(shapes_reserved, SHAPES, OPTION),
+    ONE(shape_numbers_null, SHAPES, NULL_POINTER),
+    ONE(shape_numbers_odd, SHAPES, MISALIGNED),
+    ONE(shape_stride_0, SHAPES, STRIDE),
+    ONE(shape_stride_8, SHAPES, STRIDE),
+    ONE(shape_stride_18, SHAPES, STRIDE),
+    ONE(shape_stride_huge, SHAPES, COUNT),
+    ONE(shape_count_huge, SHAPES, COUNT),
+    ONE(shape_count_many, SHAPES, COUNT),
+    ONE(spheres_have_no_function, SHAPES, OPTION),
+    ONE(spheres_have_no_user, SHAPES, OPTION),
+    ONE(own_shapes_need_a_function, SHAPES, NULL_POINTER),
+    ONE(own_shapes_need_a_box, SHAPES, STRIDE),
+    ONE(level_13, (uint32_t)OPACITY, OPTION),
+    ONE(opacity_words_null, (uint32_t)OPACITY, NULL_POINTER),
+    ONE(opacity_words_odd, (uint32_t)OPACITY, MISALIGNED),
+    ONE(opacity_words_few, (uint32_t)OPACITY, COUNT),
+    ONE(opacity_words_many, (uint32_t)OPACITY, COUNT),
+    ONE(opacity_words_huge, (uint32_t)OPACITY, COUNT),
     ONE(points_null, POINTS, NULL_POINTER),
     ONE(points_odd, POINTS, MISALIGNED),
     ONE(point_stride_0, POINTS, STRIDE),
@@ -542,6 +627,16 @@ static void fill(void) {
     a->report = &report;
     a->dimensions = 3;
     a->backend_name = "cpu";
+    memset(&a->shapes_record, 0, sizeof a->shapes_record);
+    a->shapes_record.kind = SPLITPLANE_SHAPE_KIND_SPHERES;
+    a->shapes_record.numbers = point_words[0];
+    a->shapes_record.stride = sizeof point_words[0];
+    a->shapes_record.count = FEW;
+    memset(opacity_bits, 255, 24);
+    a->level = 2;
+    a->opacity_words = opacity_bits;
+    a->opacity_count = 6;
+    a->opacity = opaque;
     a->instance_record = (splitplane_instance){{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0}, 0, UINT32_MAX, 0, 0};
 }
 
@@ -553,8 +648,10 @@ static void make(args *a) {
     need(splitplane_scene_create(a->backend, &a->scene));
     need(splitplane_scene_add_geometry(a->scene, &a->mesh_record, &name));
     need(splitplane_scene_add_instance(a->scene, &a->instance_record, &name));
+    need(splitplane_scene_add_shapes(a->scene, &a->shapes_record, &name));
+    need(splitplane_scene_set_opacity(a->scene, 0, a->level, a->opacity_words, a->opacity_count));
     need(splitplane_scene_update(a->scene, NULL, NULL));
-    need(splitplane_point_tree_build(a->points, a->point_stride, FEW, 3, 0, NULL, &a->cloud));
+    need(splitplane_point_tree_build(a->backend, a->points, a->point_stride, FEW, 3, 0, NULL, &a->cloud));
     need(splitplane_tree_all_hits(a->tree, &a->rays_record, NULL, &a->lists, NULL));
 }
 
@@ -575,6 +672,7 @@ static void point_into(args *a) {
     a->build_record.knobs = &a->knob;
     a->query = &a->query_record;
     a->instance = &a->instance_record;
+    a->shapes = &a->shapes_record;
 }
 
 /* What a call that was to fail has made by mistake, or one that was to succeed. */
@@ -590,7 +688,7 @@ static void drop_room(const char *name) {
         need(splitplane_point_tree_free((splitplane_point_tree){id}));
     } else if (strstr(name, "all_hits") || strcmp(name, "point_tree_within") == 0) {
         need(splitplane_lists_free((splitplane_lists){id}));
-    } else if (strcmp(name, "scene_add_geometry") == 0) {
+    } else if (strcmp(name, "scene_add_geometry") == 0 || strcmp(name, "scene_add_shapes") == 0) {
         need(splitplane_scene_remove_geometry(good.scene, *(uint32_t *)room_words));
     } else if (strcmp(name, "scene_add_instance") == 0) {
         need(splitplane_scene_remove_instance(good.scene, *(uint32_t *)room_words));

@@ -83,10 +83,10 @@ fn text(bytes: &[u8]) -> Result<Vec<[f32; 3]>, Problem> {
 /// # Errors
 /// No memory.
 pub(super) fn to_bytes(path: &Path, points: &[[f32; 3]]) -> Result<Vec<u8>, Failure> {
-    if super::files::ends_in(path, "ply") {
-        return Ok(ply::points_to_bytes(points, ply::Encoding::LittleEndian));
-    }
     let refused = |_| Failure::limit("there is not memory enough for the file of the cloud");
+    if super::files::ends_in(path, "ply") {
+        return ply::points_to_bytes(points, ply::Encoding::LittleEndian).map_err(refused);
+    }
     if super::files::ends_in(path, "npy") {
         let mut bytes = npy::header_of("'<f4'", &[points.len(), 3]);
         bytes.try_reserve_exact(12 * points.len()).map_err(refused)?;

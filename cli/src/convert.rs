@@ -94,7 +94,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             1 if !InstancedScene::is_named_by(&arguments.scene) => scene.parts,
             _ => scene.flatten(limit).map_err(failed)?,
         };
-        ply::to_bytes(&mesh, arguments.numbers.into())
+        ply::to_bytes(&mesh, arguments.numbers.into()).map_err(|_| {
+            let shown = quoted_path(&arguments.output);
+            Failure::limit(format!("cannot write `{shown}`: there is not memory enough for it"))
+        })?
     };
     files::write(&arguments.output, &bytes)?;
     match arguments.quiet {

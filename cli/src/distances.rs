@@ -111,6 +111,13 @@ impl Grid {
     }
 }
 
+/// Bytes that the answer for so many points takes: the distances, and of a slice the points and what is closest to them.
+fn held(points: usize) -> u64 {
+    let slice = SLICE.min(points) as u64;
+    let each = (size_of::<[f32; 3]>() + size_of::<ClosestPoint>()) as u64;
+    (points as u64).saturating_mul(4).saturating_add(slice * each)
+}
+
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.step.is_some_and(|step| step == 0.0 || step.is_infinite()) {
         return Err(Failure::usage("--step: a grid has steps longer than 0, and finite"));
@@ -128,7 +135,7 @@ impl Arguments {
         }
         let step = self.step.map(f64::from);
         let grid = Grid::over(&bounds, f64::from(self.margin), self.steps, step)?;
-        let needed = 4 * grid.points() as u64;
+        let needed = held(grid.points());
         if let Some(limit) = common.max_memory.filter(|&limit| needed > limit) {
             return Err(QueryError::OutOfMemory { needed, limit }.into());
         }
@@ -136,8 +143,9 @@ impl Arguments {
         let refused = |_| QueryError::OutOfMemory { needed, limit: needed };
         bytes.try_reserve_exact(4 * grid.points()).map_err(refused)?;
         let start = Instant::now();
+        let left = common.max_memory.map(|limit| limit - needed);
         let Filled { inside, beyond, answered_by_cpu } =
-            self.fill(&grid, &*prepared.accelerator, &mut bytes)?;
+            self.fill(&grid, &*prepared.accelerator, left, &mut bytes)?;
         let answer_ms = milliseconds(start);
         files::write(&self.out, &bytes)?;
         let report = DistancesReport {
@@ -179,6 +187,7 @@ impl Arguments {
         &self,
         grid: &Grid,
         accelerator: &dyn Accelerator,
+        max_memory: Option<u64>,
         bytes: &mut Vec<u8>,
     ) -> Result<Filled, Failure> {
         let total = grid.points();
@@ -189,10 +198,14 @@ impl Arguments {
             watch,
             ..ClosestPointOptions::default()
         };
-        let locate = LocateOptions { max_memory: self.common.max_memory, watch };
+        let locate = LocateOptions { max_memory, watch };
         let bar = progress::bar(self.common.quiet, "distances", total as u64);
-        let mut points = Vec::new();
-        let mut closest = vec![ClosestPoint::NONE; SLICE.min(total)];
+        let (mut points, mut closest) = (Vec::new(), Vec::new());
+        let needed = held(total);
+        let refused = |_| QueryError::OutOfMemory { needed, limit: needed };
+        points.try_reserve_exact(SLICE.min(total)).map_err(refused)?;
+        closest.try_reserve_exact(SLICE.min(total)).map_err(refused)?;
+        closest.resize(SLICE.min(total), ClosestPoint::NONE);
         for first in (0..total).step_by(SLICE) {
             points.clear();
             points.extend((first..total.min(first + SLICE)).map(|number| grid.point(number)));

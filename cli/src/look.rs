@@ -1,7 +1,6 @@
 //! Options of verbs that make pictures: size, samples, camera, lights, what is wanted.
 
 use super::failure::Failure;
-use super::files::ends_in;
 use super::options::{Common, bytes, point, size};
 use clap::{Args, ValueEnum};
 use splitplane::Accelerator;
@@ -12,8 +11,11 @@ use splitplane::scene::environment::EnvironmentOptions;
 use splitplane::scene::{
     self, Camera, InstancedScene, MaterialRule, Placement, Scene, SceneOptions, View,
 };
-use std::path::PathBuf;
 use std::sync::Arc;
+
+mod around;
+
+use around::{Lamp, Surroundings, environment, lamp};
 
 /// [`SceneOptions::DECODE_LIMIT`] as users write it.
 pub(super) const MAX_TEXTURE: &str = "512M";
@@ -178,51 +180,6 @@ impl MaterialsName {
             MaterialsName::Illum => MaterialRule::Illum,
             MaterialsName::Specular => MaterialRule::Specular,
         }
-    }
-}
-
-/// A place or direction, and perhaps a colour.
-#[derive(Clone, Copy, Debug)]
-struct Lamp {
-    place: [f32; 3],
-    irradiance: Option<[f32; 3]>,
-}
-
-/// `x,y,z` or `x,y,z,r,g,b`.
-fn lamp(text: &str) -> Result<Lamp, String> {
-    let wrong =
-        || "give three or six finite numbers, such as 1,2.5,-3 or 1,2,3,0.5,0.5,1".to_owned();
-    let parts: Vec<&str> = text.split(',').collect();
-    let irradiance = match parts.len() {
-        3 => None,
-        6 => Some(point(&parts[3..].join(",")).map_err(|_| wrong())?),
-        _ => return Err(wrong()),
-    };
-    if irradiance.is_some_and(|colour| colour.iter().any(|part| *part < 0.0)) {
-        return Err("the irradiance of a light cannot be negative".to_owned());
-    }
-    Ok(Lamp { place: point(&parts[..3].join(",")).map_err(|_| wrong())?, irradiance })
-}
-
-/// What is around a scene.
-#[derive(Clone, Debug, PartialEq)]
-enum Surroundings {
-    Colours(Environment),
-    File(PathBuf),
-}
-
-/// `sky`, `black`, one radiance for all directions, or the path of a picture.
-fn environment(text: &str) -> Result<Surroundings, String> {
-    let path = PathBuf::from(text);
-    match text {
-        "sky" => Ok(Surroundings::Colours(Environment::SKY)),
-        "black" => Ok(Surroundings::Colours(Environment::BLACK)),
-        _ if ends_in(&path, "hdr") || ends_in(&path, "exr") => Ok(Surroundings::File(path)),
-        _ => match point(text) {
-            Ok(radiance) => Ok(Surroundings::Colours(Environment::uniform(radiance))),
-            Err(_) => Err("give `sky`, `black`, three numbers, such as 0.5,0.5,0.6, or the path of a .hdr or .exr"
-                .to_owned()),
-        },
     }
 }
 
@@ -466,32 +423,5 @@ impl Placed {
     /// How many lights were to be placed, where they were.
     pub(super) fn asked(&self) -> Option<usize> {
         self.by_rule.then_some(self.asked)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn lamps_have_a_place_and_may_have_a_colour() {
-        assert_eq!(lamp("1,2,3").unwrap().place, [1.0, 2.0, 3.0]);
-        assert_eq!(lamp("1,2,3,4,5,6").unwrap().irradiance, Some([4.0, 5.0, 6.0]));
-        for bad in ["1,2", "1,2,3,4", "a,b,c", "1,2,3,-1,0,0", "1,2,3,4,5,nan"] {
-            assert!(lamp(bad).is_err(), "{bad}");
-        }
-    }
-
-    #[test]
-    fn environments() {
-        let colours = |text| match environment(text) {
-            Ok(Surroundings::Colours(environment)) => environment,
-            other => panic!("{other:?}"),
-        };
-        assert_eq!(colours("black"), Environment::BLACK);
-        assert_eq!(colours("1,1,1"), Environment::uniform([1.0; 3]));
-        let file = Surroundings::File("a/b.HDR".into());
-        assert_eq!(environment("a/b.HDR"), Ok(file));
-        assert!(environment("red").is_err());
     }
 }

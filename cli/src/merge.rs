@@ -25,7 +25,7 @@ pub(super) struct Arguments {
     /// The picture: .png for screens, or .exr for linear light; the bytes are those that `render` writes
     #[arg(long, short, value_name = "FILE.png|.exr")]
     output: PathBuf,
-    /// Most bytes of a part. Half of the machine's memory when left out
+    /// Most bytes of all parts together. Half of the machine's memory when left out
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     max_file: Option<u64>,
     #[command(flatten)]
@@ -50,15 +50,21 @@ struct Report {
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     arguments.time.begin();
     let mut parts = Vec::new();
+    let most = arguments.max_file.unwrap_or_else(from_file::usual_limit);
+    let mut left = most;
     for path in &arguments.parts {
         ending::check()?;
-        let bytes = from_file::read_any(path, arguments.max_file).map_err(|error| {
+        let bytes = read_within(path, left, arguments.max_file).map_err(|error| {
             let mut message = said(path, &error);
             if let ReadError::TooLong { .. } = error {
+                if left < most {
+                    message += &format!(", which is what is left of {most} for all parts");
+                }
                 message += "; --max-file allows more";
             }
             if error.is_limit() { Failure::limit(message) } else { Failure::file(message) }
         })?;
+        left = left.saturating_sub(bytes.len() as u64);
         parts.push((path.as_path(), read(path, &bytes)?));
     }
     let count = parts.len();
@@ -87,6 +93,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         written.heat.as_deref().unwrap_or(""),
         output.join(", ")
     ))
+}
+
+/// The bytes of a part. What may never end has a limit of its own where the user gives none.
+fn read_within(path: &Path, left: u64, asked: Option<u64>) -> Result<Vec<u8>, ReadError> {
+    let is_stream = asked.is_none() && !path.metadata().is_ok_and(|about| about.is_file());
+    from_file::read_any(path, if is_stream { None } else { Some(left) })
 }
 
 fn said(path: &Path, error: &dyn std::fmt::Display) -> String {

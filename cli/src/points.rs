@@ -11,11 +11,12 @@ use super::ending::{self, TimeLimit};
 use super::failure::Failure;
 use super::options::{bytes, distance, point, size};
 use super::prepared::{counted, milliseconds, pool_of};
-use super::{files, output, progress, ray_file};
+use super::{files, output, probe, progress, ray_file};
 use clap::{Args, ValueEnum};
 use report::PointsReport;
-use splitplane::points::{Axes, CpuPointTree, PointOptions};
+use splitplane::points::{Axes, PointOptions};
 use splitplane::render::Size;
+use splitplane::{BackendKind, OpenOptions};
 use splitplane_scene::from_file::quoted_path;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -76,6 +77,15 @@ pub(super) struct Arguments {
     /// Which axis divides a node of the tree
     #[arg(long, value_enum, default_value_t = AxesName::Widest)]
     axes: AxesName,
+    /// What builds the tree and finds nearest points and those within a distance; a GPU asked for is never replaced by the CPU
+    #[arg(long, value_name = "auto|cpu|wgpu", default_value = "cpu")]
+    backend: BackendKind,
+    /// The GPU, by part of its name or by its number in the list of `splitplane adapters`
+    #[arg(long, value_name = "NAME|INDEX")]
+    adapter: Option<String>,
+    /// Allow --backend wgpu a GPU whose results differ from the CPU's in some bits
+    #[arg(long)]
+    allow_structural: bool,
     /// Threads that share the work; all cores when left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -132,6 +142,11 @@ impl Arguments {
     }
 
     fn answer(&self) -> Result<(), Failure> {
+        let opened = self.backend.open_engine(&probe::limited(OpenOptions {
+            adapter: self.adapter.clone(),
+            allow_structural: self.allow_structural,
+            ..OpenOptions::default()
+        }))?;
         let spinner = progress::spinner(self.quiet, "reading the cloud");
         let points = cloud::read(&self.cloud, self.max_file)?;
         let queries = match &self.queries {
@@ -147,7 +162,7 @@ impl Arguments {
         let watch = progress::watch(self.quiet);
         let start = Instant::now();
         let options = PointOptions { axes, max_memory: self.max_memory, watch: Some(&watch) };
-        let tree = CpuPointTree::build(&points, &options)?;
+        let tree = opened.engine.points(&points, &options)?;
         let build_ms = milliseconds(start);
         drop(watch);
         let left_out = u64::from(tree.tree().report().dropped);
@@ -159,7 +174,7 @@ impl Arguments {
             ));
         }
         let work = Work { tree, points: &points, limit: self.max_memory, quiet: self.quiet };
-        let mut report = PointsReport::of(&self.cloud, &work, build_ms)?;
+        let mut report = PointsReport::of(&self.cloud, &work, &opened, build_ms)?;
         let asked = queries.as_deref().unwrap_or(&points);
         let mut written: Vec<PathBuf> = Vec::new();
         let mut add = |path: &Path| written.push(path.to_owned());

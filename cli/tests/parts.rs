@@ -152,6 +152,14 @@ fn parts_that_make_no_picture_are_refused() {
     let limited: Vec<&str> = all.clone().chain(["--max-file", "100"]).collect();
     let error = merge(4, &limited, "a.png");
     assert!(error.contains("more than 100 bytes") && error.contains("--max-file"), "{error}");
+    // It is for all parts together.
+    let total: usize = names.iter().map(|name| read(folder.path(), name).len()).sum();
+    let [less, enough] = [total - 1, total].map(|bytes| bytes.to_string());
+    let limited: Vec<&str> = all.clone().chain(["--max-file", &less]).collect();
+    let error = merge(4, &limited, "a.png");
+    assert!(error.contains(&format!("what is left of {less} for all parts")), "{error}");
+    let limited = all.clone().chain(["-o", "limited.png", "-q", "--max-file", &enough]);
+    succeed(&folder, &["merge"].into_iter().chain(limited).collect::<Vec<_>>());
     // Wrong usage.
     let all: Vec<&str> = all.collect();
     assert!(merge(2, &all, "a.jpg").contains("does not end in .png or .exr"));

@@ -14,6 +14,7 @@ mod pool;
 mod rays;
 mod scene;
 mod tree;
+mod volumes;
 
 use pyo3::prelude::*;
 
@@ -24,6 +25,9 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<scene::Scene>()?;
     module.add_class::<points::PointTree>()?;
     module.add_function(wrap_pyfunction!(named::named, module)?)?;
+    module.add_function(wrap_pyfunction!(volumes::overlaps, module)?)?;
+    module.add_function(wrap_pyfunction!(volumes::overlaps_any, module)?)?;
+    module.add_function(wrap_pyfunction!(volumes::impacts, module)?)?;
     module.add_function(wrap_pyfunction!(open::describe, module)?)?;
     module.add_function(wrap_pyfunction!(open::mesh_digest, module)?)?;
     module.add("VERSION", env!("CARGO_PKG_VERSION"))?;

@@ -29,8 +29,9 @@ pub(crate) fn named(
     mut normals: PyReadwriteArray2<'_, f32>,
     call: Call,
 ) -> PyResult<()> {
-    let triangle = flat(&triangle, "triangle")?;
-    let (u, v, starts) = (flat(&u, "u")?, flat(&v, "v")?, flat(&starts, "starts")?);
+    // Columns of records, mostly, which are not contiguous.
+    let (triangle, u, v) = (triangle.as_array(), u.as_array(), v.as_array());
+    let starts = flat(&starts, "starts")?;
     let table = rows::<f32, 3>(&table, "normals")?;
     let total = triangle.len();
     if u.len() != total || v.len() != total {
@@ -40,26 +41,26 @@ pub(crate) fn named(
     let weights = room_for_rows::<f32, 2>(&mut weights, total)?;
     let normals = room_for_rows::<f32, 3>(&mut normals, total)?;
     call.run(py, |_| {
-        let given = triangle.par_chunks(TASK).zip(u.par_chunks(TASK).zip(v.par_chunks(TASK)));
         let names = geometry.par_chunks_mut(TASK).zip(face.par_chunks_mut(TASK));
         let rest = weights.par_chunks_mut(TASK).zip(normals.par_chunks_mut(TASK));
-        given.zip(names.zip(rest)).for_each(
-            |((triangle, (u, v)), ((geometry, face), (weights, normals)))| {
-                for (place, &triangle) in triangle.iter().enumerate() {
-                    let mesh = match starts {
-                        _ if triangle == NONE => NONE,
-                        [_, _] => 0,
-                        starts => (starts.partition_point(|&start| start <= triangle) as u32)
-                            .wrapping_sub(1),
-                    };
-                    let first = starts.get(mesh as usize).copied().unwrap_or(0);
-                    geometry[place] = mesh;
-                    face[place] = if triangle == NONE { NONE } else { triangle - first };
-                    weights[place] = [u[place], v[place]];
-                    normals[place] = table.get(triangle as usize).copied().unwrap_or([0.0; 3]);
-                }
-            },
-        );
+        names.zip(rest).enumerate().for_each(|(number, ((geometry, face), (weights, normals)))| {
+            for place in 0..geometry.len() {
+                let own = number * TASK + place;
+                let triangle = triangle[own];
+                let mesh = match starts {
+                    _ if triangle == NONE => NONE,
+                    [_, _] => 0,
+                    starts => {
+                        (starts.partition_point(|&start| start <= triangle) as u32).wrapping_sub(1)
+                    }
+                };
+                let first = starts.get(mesh as usize).copied().unwrap_or(0);
+                geometry[place] = mesh;
+                face[place] = if triangle == NONE { NONE } else { triangle - first };
+                weights[place] = [u[own], v[own]];
+                normals[place] = table.get(triangle as usize).copied().unwrap_or([0.0; 3]);
+            }
+        });
         Ok(())
     })
 }

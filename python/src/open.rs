@@ -4,6 +4,7 @@ use std::sync::{Arc, Mutex};
 
 use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
+use splitplane::backend::Engine;
 use splitplane::core::tree::file;
 use splitplane::{Backend, BackendKind, Mesh, OpenOptions, Preset};
 
@@ -12,7 +13,7 @@ use crate::failure::Failure;
 
 /// A backend, and why it is this one.
 pub(crate) struct Opened {
-    pub backend: Box<dyn Backend>,
+    pub engine: Engine,
     /// `cpu` or `wgpu`.
     pub name: String,
     pub reason: String,
@@ -21,15 +22,19 @@ pub(crate) struct Opened {
 }
 
 impl Opened {
+    pub(crate) fn backend(&self) -> &dyn Backend {
+        self.engine.as_backend()
+    }
+
     pub(crate) fn is_cpu(&self) -> bool {
         self.name == "cpu"
     }
 
     /// Another backend of the same kind for the CPU, without the memory that this one keeps.
     pub(crate) fn anew(&self) -> Result<Opened, Failure> {
-        let fresh = BackendKind::Cpu.open()?;
+        let fresh = BackendKind::Cpu.open_engine(&OpenOptions::default())?;
         let (name, reason) = (self.name.clone(), self.reason.clone());
-        Ok(Opened { backend: fresh.backend, name, reason, process: self.process })
+        Ok(Opened { engine: fresh.engine, name, reason, process: self.process })
     }
 
     /// # Errors
@@ -77,9 +82,9 @@ pub(crate) fn open(
     }
     let options =
         OpenOptions { adapter: adapter.map(str::to_owned), preset, ..OpenOptions::default() };
-    let found = py.detach(|| kind.open_with(&options)).map_err(Failure::from)?;
-    let name = found.backend.describe().name;
-    let opened = Arc::new(Opened { backend: found.backend, name, reason: found.reason, process });
+    let found = py.detach(|| kind.open_engine(&options)).map_err(Failure::from)?;
+    let name = found.engine.as_backend().describe().name;
+    let opened = Arc::new(Opened { engine: found.engine, name, reason: found.reason, process });
     if kind != BackendKind::Cpu {
         let mut known = KNOWN.lock().unwrap_or_else(|broken| broken.into_inner());
         known.push((kind, options.adapter, offline, Arc::clone(&opened)));
@@ -97,7 +102,7 @@ pub(crate) fn describe(
     adapter: Option<&str>,
 ) -> PyResult<(String, Option<String>, Option<usize>, String, String)> {
     let opened = open(py, name, adapter, Preset::Fast)?;
-    let info = opened.backend.describe();
+    let info = opened.backend().describe();
     Ok((info.name, info.adapter, info.threads, info.detail, opened.reason.clone()))
 }
 

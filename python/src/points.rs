@@ -1,16 +1,19 @@
 //! A tree of points.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1};
 use pyo3::prelude::*;
 use rayon::prelude::*;
+use splitplane::Preset;
 use splitplane::core::error::QueryError;
-use splitplane::points::{Axes, CpuPointTree, KeptBytes, NearestOptions, Neighbour, PointOptions};
+use splitplane::points::{AnyPointTree, Axes, KeptBytes, NearestOptions, Neighbour, PointOptions};
 
 use crate::arrays::{flat, reserved, room, rows};
 use crate::call::{Call, Part};
 use crate::failure::Failure;
+use crate::open::{Opened, open};
 
 /// Neighbours that are found at once.
 const CHUNK: usize = 1 << 20;
@@ -18,10 +21,10 @@ const CHUNK: usize = 1 << 20;
 const KEPT: KeptBytes = KeptBytes { list: 8, neighbour: 12 };
 
 enum OfDimensions {
-    One(CpuPointTree<1>),
-    Two(CpuPointTree<2>),
-    Three(CpuPointTree<3>),
-    Four(CpuPointTree<4>),
+    One(AnyPointTree<1>),
+    Two(AnyPointTree<2>),
+    Three(AnyPointTree<3>),
+    Four(AnyPointTree<4>),
 }
 
 /// Does the same for the tree of any number of dimensions.
@@ -40,17 +43,19 @@ macro_rules! with_tree {
 #[pyclass(frozen, module = "splitplane._native")]
 pub(crate) struct PointTree {
     own: OfDimensions,
+    opened: Arc<Opened>,
 }
 
 fn build<const N: usize>(
     py: Python<'_>,
+    opened: &Opened,
     points: &PyReadonlyArray2<'_, f32>,
     options: &PointOptions<'_>,
     call: &Call,
-) -> PyResult<CpuPointTree<N>> {
+) -> PyResult<AnyPointTree<N>> {
     let points = rows::<f32, N>(points, "points")?;
     call.run(py, |watcher| {
-        Ok(CpuPointTree::build(points, &PointOptions { watch: Some(watcher), ..*options })?)
+        Ok(opened.engine.points(points, &PointOptions { watch: Some(watcher), ..*options })?)
     })
 }
 
@@ -69,6 +74,7 @@ impl PointTree {
         points: PyReadonlyArray2<'_, f32>,
         axes: &str,
         max_memory: Option<u64>,
+        backend: (String, Option<String>),
         call: Call,
     ) -> PyResult<PointTree> {
         let axes = match axes {
@@ -80,17 +86,23 @@ impl PointTree {
             }
         };
         let options = PointOptions { axes, max_memory, watch: None };
+        let opened = open(py, &backend.0, backend.1.as_deref(), Preset::Fast)?;
         let own = match points.as_array().ncols() {
-            1 => OfDimensions::One(build(py, &points, &options, &call)?),
-            2 => OfDimensions::Two(build(py, &points, &options, &call)?),
-            3 => OfDimensions::Three(build(py, &points, &options, &call)?),
-            4 => OfDimensions::Four(build(py, &points, &options, &call)?),
+            1 => OfDimensions::One(build(py, &opened, &points, &options, &call)?),
+            2 => OfDimensions::Two(build(py, &opened, &points, &options, &call)?),
+            3 => OfDimensions::Three(build(py, &opened, &points, &options, &call)?),
+            4 => OfDimensions::Four(build(py, &opened, &points, &options, &call)?),
             dimensions => {
                 let text = format!("a point tree has 1 to 4 dimensions, not {dimensions}");
                 return Err(Failure::new("ShapeError", text).into());
             }
         };
-        Ok(PointTree { own })
+        Ok(PointTree { own, opened })
+    }
+
+    /// The backend, and why it is this one.
+    fn backend(&self) -> (String, String) {
+        (self.opened.name.clone(), self.opened.reason.clone())
     }
 
     /// 16 hexadecimal digits.
@@ -121,6 +133,7 @@ impl PointTree {
         mut index: PyReadwriteArray1<'_, u32>,
         call: Call,
     ) -> PyResult<()> {
+        self.opened.check_process()?;
         let keep = keep.as_ref().map(|keep| flat(keep, "keep")).transpose()?;
         with_tree!(self, tree => {
             let queries = rows(&queries, "queries")?;
@@ -139,6 +152,7 @@ impl PointTree {
         keep: Option<PyReadonlyArray1<'py, bool>>,
         call: Call,
     ) -> PyResult<Within<'py>> {
+        self.opened.check_process()?;
         let keep = keep.as_ref().map(|keep| flat(keep, "keep")).transpose()?;
         with_tree!(self, tree => within(py, tree, rows(&queries, "queries")?, limits, keep, &call))
     }
@@ -150,7 +164,7 @@ fn keeps(keep: Option<&[bool]>, point: u32) -> bool {
 }
 
 fn check_keep<const N: usize>(
-    tree: &CpuPointTree<N>,
+    tree: &AnyPointTree<N>,
     keep: Option<&[bool]>,
 ) -> Result<(), Failure> {
     let points = tree.tree().report().points as usize;
@@ -165,7 +179,7 @@ fn check_keep<const N: usize>(
 
 fn nearest<const N: usize>(
     py: Python<'_>,
-    tree: &CpuPointTree<N>,
+    tree: &AnyPointTree<N>,
     queries: &[[f32; N]],
     (k, (max_distance, max_memory), keep): (usize, Limits, Option<&[bool]>),
     squared: &mut [f64],
@@ -205,7 +219,7 @@ fn nearest<const N: usize>(
 
 fn within<'py, const N: usize>(
     py: Python<'py>,
-    tree: &CpuPointTree<N>,
+    tree: &AnyPointTree<N>,
     queries: &[[f32; N]],
     (max_distance, max_memory): Limits,
     keep: Option<&[bool]>,

@@ -27,9 +27,6 @@ use crate::order::ordered;
 use crate::rays::{CHUNK, LimitArgument, Rays};
 use crate::tree::{BuildArguments, build_options, busy};
 
-/// Rays whose crossings are held while they are counted.
-const COUNTED: usize = 1 << 12;
-
 struct State {
     description: Description,
     built: Box<dyn SceneAccelerator>,
@@ -102,7 +99,7 @@ impl Scene {
         let config = crate::options::config(preset, &BTreeMap::new())?;
         let opened = open(py, &backend.0, backend.1.as_deref(), config.preset())?;
         let description = Description::new();
-        let built = opened.backend.build_scene(&description, &BuildOptions::default());
+        let built = opened.backend().build_scene(&description, &BuildOptions::default());
         let built = built.map_err(Failure::from)?;
         Ok(Scene { state: RwLock::new(State { description, built, opened, edited: false }) })
     }
@@ -122,7 +119,7 @@ impl Scene {
         let (description, built) = call.run(py, |watcher| {
             let mut limits = options.for_loading();
             limits.watch = Some(watcher);
-            Ok(opened.backend.load_scene(&SceneFile::parse(bytes)?, &limits)?)
+            Ok(opened.backend().load_scene(&SceneFile::parse(bytes)?, &limits)?)
         })?;
         Ok(Scene { state: RwLock::new(State { description, built, opened, edited: false }) })
     }
@@ -273,7 +270,7 @@ impl Scene {
         opened.check_process()?;
         let report = call.run(py, |watcher| {
             let options = BuildOptions { watch: Some(watcher), ..options };
-            Ok(opened.backend.update_scene(&mut **built, description, &options)?)
+            Ok(opened.backend().update_scene(&mut **built, description, &options)?)
         })?;
         *edited = false;
         Ok(BTreeMap::from([
@@ -295,42 +292,29 @@ impl Scene {
         Ok((state.opened.name.clone(), state.opened.reason.clone()))
     }
 
-    /// See `splitplane.Scene.closest_hits`.
-    #[expect(clippy::too_many_arguments, reason = "what Python hands over, argument by argument")]
+    /// See `splitplane.Scene.closest_hits`. Six numbers of 32 bits a ray: the library's own records, so that nothing is copied.
     fn closest_hits(
         &self,
         py: Python<'_>,
         rays: PyReadonlyArray2<'_, f32>,
         limits: (LimitArgument<'_>, LimitArgument<'_>),
         options: Options,
-        numbers: (
-            PyReadwriteArray1<'_, f32>,
-            PyReadwriteArray1<'_, f32>,
-            PyReadwriteArray1<'_, f32>,
-        ),
-        names: (PyReadwriteArray1<'_, u32>, PyReadwriteArray1<'_, u32>, PyReadwriteArray1<'_, u32>),
+        mut records: PyReadwriteArray2<'_, f32>,
         call: Call,
     ) -> PyResult<Counts> {
-        let ((mut t, mut u, mut v), (mut triangle, mut geometry, mut instance)) = (numbers, names);
         let rays = Rays::new(&rays, &limits.0, &limits.1)?;
         let options = scene_options(&options)?;
         let (total, state) = (rays.len(), self.current()?);
-        let (t, u, v) = (room(&mut t, total)?, room(&mut u, total)?, room(&mut v, total)?);
-        let (triangle, geometry) = (room(&mut triangle, total)?, room(&mut geometry, total)?);
-        let (instance, built) = (room(&mut instance, total)?, &state.built);
+        let hits: &mut [SceneHit] =
+            bytemuck::cast_slice_mut(room_for_rows::<f32, 6>(&mut records, total)?);
+        let built = &state.built;
         call.run(py, |watcher| {
             let mut sum = Counts::default();
-            let mut hits = reserved(total.min(CHUNK), SceneHit::MISS)?;
             rays.in_chunks(CHUNK, |rays, first| {
-                let hits = &mut hits[..rays.len()];
                 let watch = Part { watcher, first, total };
                 let options = SceneOptions { watch: Some(&watch), ..options };
+                let hits = &mut hits[first..first + rays.len()];
                 add_scene(&mut sum, &built.closest_hits(rays, hits, &options)?);
-                for (place, hit) in (first..).zip(&*hits) {
-                    (t[place], u[place], v[place]) = (hit.t, hit.u, hit.v);
-                    (triangle[place], geometry[place]) = (hit.triangle, hit.geometry);
-                    instance[place] = hit.instance;
-                }
                 Ok(())
             })?;
             Ok(sum)
@@ -412,15 +396,14 @@ impl Scene {
         let (built, found) = (&state.built, room(&mut found, total)?);
         call.run(py, |watcher| {
             let mut sum = Counts::default();
-            // The library has no count for scenes: crossings are held of so many rays at a time.
-            rays.in_chunks(COUNTED, |rays, first| {
+            // No count is beyond what an i64 holds: each was of crossings in memory.
+            let counts: &mut [u64] = bytemuck::cast_slice_mut(found);
+            rays.in_chunks(CHUNK, |rays, first| {
                 let part = Part { watcher, first, total };
                 let query = SceneOptions { watch: Some(&part), ..options };
-                let all = built.all_hits(rays, &SceneAllHitsOptions { query, max_memory })?;
-                add(&mut sum, &all.report);
-                for (ends, found) in all.starts.windows(2).zip(&mut found[first..]) {
-                    *found = (ends[1] - ends[0]) as i64;
-                }
+                let options = SceneAllHitsOptions { query, max_memory };
+                let counts = &mut counts[first..first + rays.len()];
+                add(&mut sum, &built.count_hits(rays, counts, &options)?);
                 Ok(())
             })?;
             Ok(sum)

@@ -1,22 +1,21 @@
 //! A tree over one mesh.
 
-use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::sync::{Arc, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use rayon::prelude::*;
 use splitplane::core::tree::file::{self, TreeFile};
 use splitplane::{
     Accelerator, AllHitsOptions, BuildOptions, ClosestPoint, ClosestPointOptions, Crossing, Hit,
-    LoadOptions, LocateOptions, Mesh, QueryOptions, Watch,
+    LoadOptions, LocateOptions, Mesh, QueryOptions, QueryReport, Ray, Watch,
 };
 
 use crate::answers::{Columns, Crossings, located};
-use crate::arrays::{flat, reserved, room, rows};
-use crate::call::{Blocks, Call, Pace, Part};
+use crate::arrays::{flat, reserved, room, room_for_rows, rows};
+use crate::call::{Blocks, Call, Pace, Part, Watcher};
 use crate::failure::Failure;
 use crate::open::{Opened, open};
 use crate::options::{Counts, accuracy, add, config, culling, layout};
@@ -25,26 +24,12 @@ use crate::rays::{BLOCK, CHUNK, LimitArgument, Rays};
 
 /// Up to this many rays are answered by the calling thread, one after the other.
 const FEW: usize = 16;
-/// Records that a task spreads over arrays.
-const TASK: usize = 1 << 13;
 /// Rays for a device at once.
 const DEVICE_CHUNK: usize = 1 << 22;
 
-thread_local! {
-    static HITS: Cell<Vec<Hit>> = const { Cell::new(Vec::new()) };
-}
-
-/// Spreads records over arrays.
-fn spread(hits: &[Hit], t: &mut [f32], triangle: &mut [u32], u: &mut [f32], v: &mut [f32]) {
-    let outs = t.iter_mut().zip(triangle).zip(u.iter_mut().zip(v));
-    for (hit, ((t, triangle), (u, v))) in hits.iter().zip(outs) {
-        (*t, *triangle, *u, *v) = (hit.t, hit.triangle, hit.u, hit.v);
-    }
-}
-
-struct State {
-    accelerator: Box<dyn Accelerator>,
-    opened: Arc<Opened>,
+pub(crate) struct State {
+    pub(crate) accelerator: Box<dyn Accelerator>,
+    pub(crate) opened: Arc<Opened>,
 }
 
 /// See `splitplane.Tree`.
@@ -61,7 +46,7 @@ pub(crate) fn busy() -> Failure {
 }
 
 impl Tree {
-    fn read(&self) -> Result<RwLockReadGuard<'_, State>, Failure> {
+    pub(crate) fn read(&self) -> Result<RwLockReadGuard<'_, State>, Failure> {
         self.state.try_read().map_err(|_| busy())
     }
 
@@ -98,7 +83,7 @@ impl Tree {
         let opened = open(py, &backend.0, backend.1.as_deref(), options.config.preset())?;
         let accelerator = call.run(py, |watcher| {
             let options = BuildOptions { watch: Some(watcher), ..options };
-            Ok(opened.backend.build(&mesh, &options)?)
+            Ok(opened.backend().build(&mesh, &options)?)
         })?;
         Ok(Tree { state: RwLock::new(State { accelerator, opened: kept(opened)? }) })
     }
@@ -126,7 +111,7 @@ impl Tree {
                 return Err(Failure::new("WrongMeshError", text));
             }
             let limits = LoadOptions { watch: Some(watcher), ..options.for_loading() };
-            Ok(opened.backend.load(&mesh, kept.tree.to_tree()?, &limits)?)
+            Ok(opened.backend().load(&mesh, kept.tree.to_tree()?, &limits)?)
         })?;
         Ok(Tree { state: RwLock::new(State { accelerator, opened }) })
     }
@@ -148,7 +133,7 @@ impl Tree {
         opened.check_process()?;
         call.run(py, |watcher| {
             let options = BuildOptions { watch: Some(watcher), ..options };
-            Ok(opened.backend.rebuild(accelerator, &mesh, &options)?)
+            Ok(opened.backend().rebuild(accelerator, &mesh, &options)?)
         })
     }
 
@@ -202,85 +187,39 @@ impl Tree {
         Ok((state.opened.name.clone(), state.opened.reason.clone()))
     }
 
-    /// See `splitplane.Tree.closest_hits`.
-    #[expect(clippy::too_many_arguments, reason = "what Python hands over, argument by argument")]
+    /// See `splitplane.Tree.closest_hits`. Four numbers of 32 bits a ray: the library's own records, so that nothing is copied.
     fn closest_hits(
         &self,
         py: Python<'_>,
         rays: PyReadonlyArray2<'_, f32>,
         limits: (LimitArgument<'_>, LimitArgument<'_>),
         options: (String, String, Option<u32>),
-        mut t: PyReadwriteArray1<'_, f32>,
-        mut triangle: PyReadwriteArray1<'_, u32>,
-        mut u: PyReadwriteArray1<'_, f32>,
-        mut v: PyReadwriteArray1<'_, f32>,
+        mut records: PyReadwriteArray2<'_, f32>,
         call: Call,
     ) -> PyResult<Counts> {
         let rays = Rays::new(&rays, &limits.0, &limits.1)?;
         let options = query_options(&options)?;
         let (total, state) = (rays.len(), self.read()?);
         state.opened.check_process()?;
-        let (t, triangle) = (room(&mut t, total)?, room(&mut triangle, total)?);
-        let (u, v) = (room(&mut u, total)?, room(&mut v, total)?);
+        let hits: &mut [Hit] =
+            bytemuck::cast_slice_mut(room_for_rows::<f32, 4>(&mut records, total)?);
         let State { accelerator, opened } = &*state;
         if total <= FEW && opened.is_cpu() && !call.is_watched() {
-            for (place, ray) in rays.each().enumerate() {
-                let hit = accelerator.closest_hit(&ray, &options).unwrap_or(Hit::MISS);
-                (t[place], triangle[place]) = (hit.t, hit.triangle);
-                (u[place], v[place]) = (hit.u, hit.v);
+            for (ray, hit) in rays.each().zip(hits) {
+                *hit = accelerator.closest_hit(&ray, &options).unwrap_or(Hit::MISS);
             }
             return Ok(Counts::default());
         }
         if opened.is_cpu() {
             return call.run(py, |watcher| {
-                let blocks = &Blocks::new(watcher, total);
-                let outs = t.par_chunks_mut(BLOCK).zip(triangle.par_chunks_mut(BLOCK));
-                let outs = outs.zip(u.par_chunks_mut(BLOCK).zip(v.par_chunks_mut(BLOCK)));
-                outs.enumerate().try_for_each_init(
-                    Pace::new,
-                    |pace, (number, ((t, triangle), (u, v)))| {
-                        rays.with_block(number, |rays| {
-                            let options = QueryOptions { watch: pace.begin(blocks)?, ..options };
-                            let mut hits = HITS.take();
-                            if hits.is_empty() {
-                                hits = reserved(BLOCK, Hit::MISS)?;
-                            }
-                            let few = &mut hits[..rays.len()];
-                            accelerator.closest_hits(rays, few, &options)?;
-                            spread(few, t, triangle, u, v);
-                            HITS.set(hits);
-                            pace.end(blocks, rays.len());
-                            Ok(())
-                        })
-                    },
-                )?;
-                Ok(Counts::default())
+                in_blocks(&rays, hits, watcher, |rays, hits, watch| {
+                    accelerator.closest_hits(rays, hits, &QueryOptions { watch, ..options })?;
+                    Ok(())
+                })
             });
         }
-        let chunk = DEVICE_CHUNK;
-        call.run(py, |watcher| {
-            let mut sum = Counts::default();
-            let mut hits = reserved(total.min(chunk), Hit::MISS)?;
-            rays.in_chunks(chunk, |rays, first| {
-                let hits = &mut hits[..rays.len()];
-                let watch = Part { watcher, first, total };
-                let options = QueryOptions { watch: Some(&watch), ..options };
-                add(&mut sum, &accelerator.closest_hits(rays, hits, &options)?);
-                let here = first..first + rays.len();
-                let outs = (
-                    (
-                        t[here.clone()].par_chunks_mut(TASK),
-                        triangle[here.clone()].par_chunks_mut(TASK),
-                    ),
-                    (u[here.clone()].par_chunks_mut(TASK), v[here].par_chunks_mut(TASK)),
-                );
-                let outs = outs.0.0.zip(outs.0.1).zip(outs.1.0.zip(outs.1.1));
-                hits.par_chunks(TASK)
-                    .zip(outs)
-                    .for_each(|(hits, ((t, triangle), (u, v)))| spread(hits, t, triangle, u, v));
-                Ok(())
-            })?;
-            Ok(sum)
+        on_device(py, &call, &rays, hits, |rays, hits, watch| {
+            Ok(accelerator.closest_hits(rays, hits, &QueryOptions { watch, ..options })?)
         })
     }
 
@@ -308,30 +247,14 @@ impl Tree {
         }
         if opened.is_cpu() {
             return call.run(py, |watcher| {
-                let blocks = &Blocks::new(watcher, total);
-                let outs = occluded.par_chunks_mut(BLOCK).enumerate();
-                outs.try_for_each_init(Pace::new, |pace, (number, occluded)| {
-                    rays.with_block(number, |rays| {
-                        let options = QueryOptions { watch: pace.begin(blocks)?, ..options };
-                        accelerator.any_hits(rays, occluded, &options)?;
-                        pace.end(blocks, rays.len());
-                        Ok(())
-                    })
-                })?;
-                Ok(Counts::default())
+                in_blocks(&rays, occluded, watcher, |rays, occluded, watch| {
+                    accelerator.any_hits(rays, occluded, &QueryOptions { watch, ..options })?;
+                    Ok(())
+                })
             });
         }
-        let chunk = DEVICE_CHUNK;
-        call.run(py, |watcher| {
-            let mut sum = Counts::default();
-            rays.in_chunks(chunk, |rays, first| {
-                let watch = Part { watcher, first, total };
-                let options = QueryOptions { watch: Some(&watch), ..options };
-                let occluded = &mut occluded[first..first + rays.len()];
-                add(&mut sum, &accelerator.any_hits(rays, occluded, &options)?);
-                Ok(())
-            })?;
-            Ok(sum)
+        on_device(py, &call, &rays, occluded, |rays, occluded, watch| {
+            Ok(accelerator.any_hits(rays, occluded, &QueryOptions { watch, ..options })?)
         })
     }
 
@@ -431,7 +354,7 @@ impl Tree {
         points: PyReadonlyArray2<'_, f32>,
         options: (f32, Option<u32>),
         mut squared: PyReadwriteArray1<'_, f64>,
-        mut closest: numpy::PyReadwriteArray2<'_, f32>,
+        mut closest: PyReadwriteArray2<'_, f32>,
         mut triangle: PyReadwriteArray1<'_, u32>,
         mut u: PyReadwriteArray1<'_, f32>,
         mut v: PyReadwriteArray1<'_, f32>,
@@ -441,7 +364,7 @@ impl Tree {
         let (max_distance, ignore) = options;
         let (total, state) = (points.len(), self.read()?);
         state.opened.check_process()?;
-        let closest = crate::arrays::room_for_rows::<f32, 3>(&mut closest, total)?;
+        let closest = room_for_rows::<f32, 3>(&mut closest, total)?;
         let (squared, triangle) = (room(&mut squared, total)?, room(&mut triangle, total)?);
         let (u, v) = (room(&mut u, total)?, room(&mut v, total)?);
         let accelerator = &state.accelerator;
@@ -467,6 +390,46 @@ impl Tree {
             Ok(sum)
         })
     }
+}
+
+/// Answers rays block by block on all threads, each block with a watch only while blocks are slow.
+fn in_blocks<T: Send>(
+    rays: &Rays<'_>,
+    answers: &mut [T],
+    watcher: &Watcher,
+    ask: impl Fn(&[Ray], &mut [T], Option<&dyn Watch>) -> Result<(), Failure> + Sync,
+) -> Result<Counts, Failure> {
+    let blocks = &Blocks::new(watcher, rays.len());
+    let outs = answers.par_chunks_mut(BLOCK).enumerate();
+    outs.try_for_each_init(Pace::new, |pace, (number, answers)| {
+        rays.with_block(number, |rays| {
+            ask(rays, answers, pace.begin(blocks)?)?;
+            pace.end(blocks, rays.len());
+            Ok::<(), Failure>(())
+        })
+    })?;
+    Ok(Counts::default())
+}
+
+/// Answers rays by a device, many at once.
+fn on_device<T: Send>(
+    py: Python<'_>,
+    call: &Call,
+    rays: &Rays<'_>,
+    answers: &mut [T],
+    ask: impl Fn(&[Ray], &mut [T], Option<&dyn Watch>) -> Result<QueryReport, Failure> + Sync,
+) -> PyResult<Counts> {
+    let total = rays.len();
+    call.run(py, |watcher| {
+        let mut sum = Counts::default();
+        rays.in_chunks(DEVICE_CHUNK, |rays, first| {
+            let watch = Part { watcher, first, total };
+            let answers = &mut answers[first..first + rays.len()];
+            add(&mut sum, &ask(rays, answers, Some(&watch))?);
+            Ok(())
+        })?;
+        Ok(sum)
+    })
 }
 
 /// The backend that stays with a tree: a new one in place of that which built it, whose memory would stay with it.

@@ -55,6 +55,42 @@ def test_ties_go_to_the_lower_index() -> None:
     assert tree.nearest([0, 0], 50).index.tolist() == list(range(50))
 
 
+def test_a_backend_is_chosen_by_name() -> None:
+    points = np.random.default_rng(5).normal(size=(3000, 3)).astype(np.float32)
+    tree = PointTree.build(points)
+    assert (tree.backend, tree.backend_reason) == ("cpu", "asked for")
+    assert PointTree.build(points, backend="auto").digest == tree.digest
+    with pytest.raises(splitplane.ConfigError, match="`gpu` is not a backend"):
+        PointTree.build(points, backend="gpu")
+    with pytest.raises(splitplane.OpenError):
+        PointTree.build(points, backend="cpu", adapter="0")
+    with pytest.raises(splitplane.OpenError):
+        PointTree.build(points, backend="wgpu", adapter="no adapter has this name")
+
+
+def test_a_gpu_gives_the_same_neighbours() -> None:
+    points = np.random.default_rng(6).normal(size=(3000, 3)).astype(np.float32)
+    queries = np.random.default_rng(7).normal(size=(200, 3)).astype(np.float32)
+    if not splitplane.GPU:
+        with pytest.raises(splitplane.OpenError, match="no GPU backend"):
+            PointTree.build(points, backend="wgpu")
+        return
+    try:
+        device = PointTree.build(points, backend="wgpu")
+    except splitplane.OpenError as error:
+        pytest.skip(f"no GPU: {error}")
+    tree = PointTree.build(points)
+    keep = np.arange(3000) % 3 > 0
+    for own in (device, pickle.loads(pickle.dumps(device))):
+        assert (own.backend, own.digest) == ("wgpu", tree.digest)
+        for asked in ({}, {"keep": keep}):
+            expected, found = tree.nearest(queries, 5, **asked), own.nearest(queries, 5, **asked)
+            assert found.distance.tobytes() == expected.distance.tobytes() and (found.index == expected.index).all()
+            few, lists = tree.within(queries, 0.3, **asked), own.within(queries, 0.3, **asked)
+            assert (lists.starts == few.starts).all() and (lists.index == few.index).all() and len(few.index) > 0
+            assert lists.distance.tobytes() == few.distance.tobytes()
+
+
 def test_far_clouds_have_an_origin() -> None:
     far = np.array([1e8, 1e8, -1e8])
     points = np.random.default_rng(0).normal(size=(200, 3)) + far

@@ -324,8 +324,9 @@ def test_counting_holds_the_crossings_of_few_rays_at_a_time() -> None:
         with pytest.raises(splitplane.OutOfMemoryError):
             thing.all_hits(rays, max_memory=1_000_000)
         assert (thing.count_hits(rays, max_memory=1_000_000) == 2).all()
+        # Of a tree those of some thousands of rays, of a scene those of one.
         with pytest.raises(splitplane.OutOfMemoryError):
-            thing.count_hits(rays, max_memory=1000)
+            thing.count_hits(rays, max_memory=10)
         seen: list[int] = []
         thing.count_hits(rays, progress=lambda stage, done, total: seen.append(done))
         assert seen == sorted(seen) and seen[-1] == 50_000
@@ -342,6 +343,14 @@ def test_results_are_written_over_earlier_ones(tree: Tree) -> None:
         for name in ("t", "triangle", "u", "v"):
             assert np.shares_memory(getattr(again, name), getattr(hits, name))
             assert getattr(hits, name).tobytes() == getattr(expected, name).tobytes()
+        # Arrays of the caller's take them too, with whatever between their items.
+        wide = np.zeros((20, 30, 2, 6), np.float32)
+        fields = ("t", "triangle", "u", "v", "geometry", "instance")[: 4 if thing is tree else 6]
+        own = {name: wide[..., 1, place].view(getattr(hits, name).dtype) for place, name in enumerate(fields)}
+        other = thing.closest_hits(rays, out=dataclasses.replace(hits, **own))
+        for name in fields:
+            assert getattr(other, name) is own[name] and own[name].tobytes() == getattr(expected, name).tobytes()
+        assert not wide[..., 0, :].any()
         occluded = thing.any_hits(others)
         assert thing.any_hits(rays, out=occluded) is occluded
         assert (occluded == expected.hit).all()

@@ -5,6 +5,9 @@ use splitplane_core::report::QueryReport;
 
 use super::{NearestOptions, Neighbour, NeighbourLists, PointTree};
 
+#[cfg(feature = "cpu")]
+mod each;
+
 /// A tree of points and the backend that answers for it: see [`Engine::points`](crate::backend::Engine::points). Answers are the same on every backend, bit for bit.
 #[derive(Debug)]
 #[non_exhaustive]
@@ -98,8 +101,9 @@ impl<const N: usize> AnyPointTree<N> {
 #[cfg(test)]
 mod tests {
     use crate::BackendKind;
+    use crate::QueryError;
     use crate::backend::OpenOptions;
-    use crate::points::{NearestOptions, Neighbour, PointOptions};
+    use crate::points::{KeptBytes, NearestOptions, Neighbour, NeighbourLists, PointOptions};
 
     #[test]
     #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
@@ -119,6 +123,23 @@ mod tests {
             let one = tree.within(queries[7], &options).expect("an answer");
             assert_eq!(lists.of(7), one);
             assert!(tree.bytes() > 0);
+            let kept = KeptBytes { list: 8, neighbour: 16 };
+            let each = |max_memory| {
+                let mut shown = NeighbourLists::default();
+                let limited = NearestOptions { max_memory, ..options };
+                tree.for_each_within(&queries, &limited, kept, |list| {
+                    shown.push(list.iter().copied(), None)
+                })
+                .map(|_| shown)
+            };
+            let shown = each(None).expect("answers");
+            assert_eq!((&shown.starts, &shown.found), (&lists.starts, &lists.found));
+            // Little more than what is kept is enough, since parts become smaller; less is not.
+            let kept = (8 * queries.len() + 16 * lists.found.len()) as u64;
+            let little = each(Some(kept + 100_000)).expect("answers in small parts");
+            assert_eq!(little.found, lists.found);
+            let error = each(Some(kept - 1)).expect_err("too little memory");
+            assert!(matches!(error, QueryError::OutOfMemory { .. }), "{error}");
             (tree.tree().digest(), found, lists.starts, lists.found)
         });
         assert!(answers[0] == answers[1]);

@@ -161,11 +161,16 @@ impl<const N: usize> CpuPointTree<N> {
         }
         let stop = first_stop(self.tree().unit(), query, options.max_distance);
         let filter = options.filter;
-        let mut list = List { stop, keys: Vec::new(), filter, room, failed: None };
+        let mut list =
+            List { stop, keys: Vec::new(), filter, room, failed: None, visits: 0, meter };
         self.search(query, &mut list);
-        meter.record_work(1 + list.keys.len() as u64);
+        meter.record_work(1 + list.visits % BETWEEN_CHECKS);
         if let Some(error) = list.failed {
             return Err(error);
+        }
+        // A long list that was given up need not be sorted.
+        if meter.is_cancelled() {
+            return Ok(Vec::new());
         }
         list.keys.sort_unstable();
         let mut found = Vec::new();
@@ -268,20 +273,31 @@ impl Drop for Shared<'_> {
     }
 }
 
-struct List<'a, R> {
+/// Points of one list between two looks at whether it is still wanted.
+const BETWEEN_CHECKS: u64 = 1 << 13;
+
+struct List<'a, 'w, R> {
     stop: u64,
     keys: Vec<u64>,
     filter: Option<&'a (dyn Fn(u32) -> bool + Sync)>,
     room: R,
     failed: Option<QueryError>,
+    /// Points that were visited.
+    visits: u64,
+    meter: &'a ProgressMeter<'w>,
 }
 
-impl<R: Room> Visitor for List<'_, R> {
+impl<R: Room> Visitor for List<'_, '_, R> {
     #[inline(always)]
     fn stop(&self) -> u64 {
         self.stop
     }
     fn visit(&mut self, key: u64) {
+        self.visits += 1;
+        if self.visits.is_multiple_of(BETWEEN_CHECKS) && self.meter.record_work(BETWEEN_CHECKS) {
+            self.stop = 0;
+            return;
+        }
         if self.filter.is_some_and(|filter| !filter(key as u32)) {
             return;
         }

@@ -1,5 +1,6 @@
 //! Answers are those of the library, bit for bit, whatever the strides and the number of threads.
 
+use std::ffi::c_void;
 use std::ptr::{null, null_mut};
 
 use bytemuck::{cast_slice, cast_slice_mut};
@@ -46,7 +47,7 @@ impl Random {
 }
 
 /// Small triangles anywhere, and a closed box around the middle.
-fn arrays() -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
+pub(super) fn arrays() -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
     let mut random = Random(7);
     let (mut positions, mut indices) = (Vec::new(), Vec::new());
     for place in 0..600 {
@@ -69,7 +70,7 @@ fn arrays() -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
     (positions, indices)
 }
 
-fn rays(count: usize) -> Vec<Ray> {
+pub(super) fn rays(count: usize) -> Vec<Ray> {
     let mut random = Random(11);
     let mut ray = || {
         let (from, to) = (random.point().map(|x| 3.0 * x - 1.0), random.point());
@@ -79,25 +80,25 @@ fn rays(count: usize) -> Vec<Ray> {
     (0..count).map(|_| ray()).collect()
 }
 
-fn points(count: usize) -> Vec<[f32; 3]> {
+pub(super) fn points(count: usize) -> Vec<[f32; 3]> {
     let mut random = Random(13);
     (0..count).map(|_| random.point().map(|x| 2.0 * x - 0.5)).collect()
 }
 
-fn done(status: Status) {
+pub(super) fn done(status: Status) {
     // SAFETY: the text is there until the next call.
     let text = unsafe { std::ffi::CStr::from_ptr(crate::entry::splitplane_last_message()) };
     assert_eq!(status, Status::Ok, "{text:?}");
 }
 
-fn open() -> Backend {
+pub(super) fn open() -> Backend {
     let mut backend = Backend { id: 0 };
     // SAFETY: texts and room are there, here and in all calls below.
     done(unsafe { splitplane_backend_open(c"cpu".as_ptr(), null(), &mut backend) });
     backend
 }
 
-fn mesh_of(positions: &[[f32; 3]], indices: &[[u32; 3]]) -> Mesh {
+pub(super) fn mesh_of(positions: &[[f32; 3]], indices: &[[u32; 3]]) -> Mesh {
     Mesh {
         positions: positions.as_ptr().cast(),
         position_stride: 12,
@@ -108,7 +109,7 @@ fn mesh_of(positions: &[[f32; 3]], indices: &[[u32; 3]]) -> Mesh {
     }
 }
 
-fn records(rays: &[Ray]) -> Rays {
+pub(super) fn records(rays: &[Ray]) -> Rays {
     let first: *const f32 = rays.as_ptr().cast();
     Rays {
         origins: first,
@@ -123,7 +124,7 @@ fn records(rays: &[Ray]) -> Rays {
     }
 }
 
-fn query_options() -> QueryOptions {
+pub(super) fn query_options() -> QueryOptions {
     let mut options = std::mem::MaybeUninit::uninit();
     // SAFETY: there is room, which is then filled.
     unsafe {
@@ -503,8 +504,16 @@ fn scenes_answer_as_the_library_does() {
     let blank =
         Crossing { t: 0.0, triangle: 0, u: 0.0, v: 0.0, geometry: 0, instance: 0, front: 9 };
     let mut crossings = vec![blank; total];
+    let mut counts = vec![9_u64; 3000];
     // SAFETY: as above.
-    unsafe { done(splitplane_lists_crossings(lists, crossings.as_mut_ptr(), 28, total)) };
+    unsafe {
+        done(splitplane_lists_crossings(lists, crossings.as_mut_ptr(), 28, total));
+        let room = counts.as_mut_ptr();
+        done(splitplane_scene_count_hits(scene, &asked, &options, room, 8, null_mut()));
+    }
+    for (count, ends) in counts.iter().zip(all.starts.windows(2)) {
+        assert_eq!(*count, (ends[1] - ends[0]) as u64);
+    }
     for (own, expected) in crossings.iter().zip(&all.crossings) {
         let hit = expected.hit;
         let names = (hit.t, hit.triangle, hit.geometry, hit.instance, u32::from(expected.front));
@@ -566,10 +575,10 @@ fn point_trees_answer_as_the_library_does() {
     let blank = Neighbour { distance_squared: 0.0, point: 0, reserved: 9 };
     let (mut found, mut options) = (vec![blank; 2000], query_options());
     options.max_distance = 0.2;
-    let room = found.as_mut_ptr();
+    let (room, backend) = (found.as_mut_ptr(), open());
     // SAFETY: arrays and rooms are there.
     unsafe {
-        done(splitplane_point_tree_build(first, 12, 3000, 3, 0, null(), &mut tree));
+        done(splitplane_point_tree_build(backend, first, 12, 3000, 3, 0, null(), &mut tree));
         done(splitplane_point_tree_digest(tree, &mut digest));
         done(splitplane_point_tree_nearest(tree, asked, 12, 500, 4, &options, room, 16));
         done(splitplane_point_tree_within(tree, asked, 12, 500, &options, &mut lists));
@@ -594,5 +603,34 @@ fn point_trees_answer_as_the_library_does() {
     unsafe { done(splitplane_lists_neighbours(lists, found.as_mut_ptr(), 16, total)) };
     found.iter().zip(expected.iter().flatten()).for_each(|(own, expected)| same(own, expected));
     done(splitplane_lists_free(lists));
+
+    // Points that a function rejects are not there.
+    unsafe extern "C" fn odd(user: *mut c_void, point: u32) -> i32 {
+        // SAFETY: it is what the options say.
+        i32::from(point % 2 == unsafe { user.cast::<u32>().read() })
+    }
+    let mut rest = 1_u32;
+    options.point_filter = Some(odd);
+    options.filter_user = (&raw mut rest).cast();
+    let mut found = vec![blank; 2000];
+    // SAFETY: as above.
+    unsafe {
+        let room = found.as_mut_ptr();
+        done(splitplane_point_tree_nearest(tree, asked, 12, 500, 4, &options, room, 16));
+        done(splitplane_point_tree_within(tree, asked, 12, 500, &options, &mut lists));
+        done(splitplane_lists_size(lists, &mut count, &mut total));
+    }
+    let kept: Vec<Vec<Near>> = expected
+        .iter()
+        .map(|list| list.iter().filter(|near| near.point % 2 == 1).copied().collect())
+        .collect();
+    assert_eq!(total, kept.iter().map(Vec::len).sum::<usize>());
+    for (found, kept) in found.chunks(4).zip(&kept) {
+        let some = found.iter().take_while(|own| own.point != NONE).count();
+        assert_eq!(some, kept.len().min(4));
+        found.iter().zip(kept).for_each(|(own, expected)| same(own, expected));
+    }
+    done(splitplane_lists_free(lists));
     done(splitplane_point_tree_free(tree));
+    done(splitplane_backend_free(backend));
 }

@@ -3,19 +3,21 @@
 use std::path::Path;
 
 /// In the order of the header: what is used comes first.
-const SOURCES: [&str; 14] = [
+const SOURCES: [&str; 16] = [
     "status",
     "entry",
     "handle",
+    "record",
     "options",
     "mesh",
     "ray",
-    "record",
     "batch",
     "backend",
     "tree",
     "tree_query",
     "scene",
+    "opacity",
+    "shapes",
     "scene_query",
     "points",
 ];

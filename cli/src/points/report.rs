@@ -5,6 +5,7 @@ use crate::failure::Failure;
 use crate::output;
 use crate::prepared::{counted, print_json};
 use serde::Serialize;
+use splitplane::backend::OpenedEngine;
 use splitplane::points::Axes;
 use splitplane_scene::from_file::printable;
 use std::path::{Path, PathBuf};
@@ -16,6 +17,9 @@ pub(super) struct PointsReport {
     left_out: u32,
     /// Of the points that are kept; none where there are none.
     pub(super) bounds: Option<[[f32; 3]; 2]>,
+    backend: String,
+    adapter: Option<String>,
+    reason: String,
     axes: &'static str,
     nodes: usize,
     bytes: u64,
@@ -72,8 +76,13 @@ pub(super) struct Thinned {
 
 impl PointsReport {
     /// What there is to say before anything is asked.
-    pub(super) fn of(path: &Path, work: &Work<'_>, build_ms: f64) -> Result<PointsReport, Failure> {
-        let tree = work.tree.tree();
+    pub(super) fn of(
+        path: &Path,
+        work: &Work<'_>,
+        opened: &OpenedEngine,
+        build_ms: f64,
+    ) -> Result<PointsReport, Failure> {
+        let (tree, info) = (work.tree.tree(), opened.engine.as_backend().describe());
         let finite = |point: &&[f32; 3]| point.iter().all(|x| x.is_finite());
         let mut bounds: Option<[[f32; 3]; 2]> = None;
         for point in work.points.iter().filter(finite) {
@@ -88,6 +97,9 @@ impl PointsReport {
             points: work.points.len(),
             left_out: tree.report().dropped,
             bounds,
+            backend: info.name,
+            adapter: info.adapter,
+            reason: opened.reason.clone(),
             axes: if tree.axes() == Axes::Cycle { "cycle" } else { "widest" },
             nodes: tree.nodes().len(),
             bytes: work.tree.bytes(),
@@ -118,6 +130,10 @@ impl PointsReport {
 
     fn text(&self) -> String {
         let PointsReport { cloud, points, left_out, axes, nodes, bytes, digest, .. } = self;
+        let place = match &self.adapter {
+            Some(adapter) => format!("{} on {}", self.backend, printable(adapter)),
+            None => self.backend.clone(),
+        };
         let mut text = format!(
             "cloud    {}: {}, {left_out} left out\n",
             printable(cloud),
@@ -127,7 +143,7 @@ impl PointsReport {
             text += &format!("bounds   {x} {y} {z} to {u} {v} {w}\n");
         }
         text += &format!(
-            "tree     {nodes} nodes, axes {axes}, {:.1} MB, built in {:.2} ms, digest {digest}\n",
+            "tree     {nodes} nodes, axes {axes}, {:.1} MB, built in {:.2} ms by {place}, digest {digest}\n",
             *bytes as f64 / 1e6,
             self.build_ms
         );

@@ -4,13 +4,13 @@ use crate::failure::Failure;
 use crate::progress;
 use rayon::prelude::*;
 use splitplane::QueryError;
-use splitplane::points::{CpuPointTree, NearestOptions, Neighbour};
+use splitplane::points::{AnyPointTree, NearestOptions, Neighbour};
 
 /// Bytes of answers that are held at a time.
 const HELD: usize = 1 << 22;
 
 pub(super) struct Work<'a> {
-    pub(super) tree: CpuPointTree<3>,
+    pub(super) tree: AnyPointTree<3>,
     /// As in the file, those left out among them.
     pub(super) points: &'a [[f32; 3]],
     pub(super) limit: Option<u64>,

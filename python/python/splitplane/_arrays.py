@@ -224,18 +224,22 @@ def room(shape: tuple[int, ...], dtype: Any) -> npt.NDArray[Any]:
         raise OutOfMemoryError(f"there is no memory for results of shape {shape}: {error}") from error
 
 
-def given(columns: dict[str, Any], leading: tuple[int, ...], dtypes: tuple[Any, ...], asked: npt.NDArray[Any]) -> list[npt.NDArray[Any]]:
-    """Arrays of the caller's that take results of a shape: one after the other, flat. They must not overlap, nor what is asked."""
-    flat: list[npt.NDArray[Any]] = []
+def given(
+    columns: dict[str, Any], leading: tuple[int, ...], dtypes: tuple[Any, ...], asked: npt.NDArray[Any], strided: bool = False
+) -> list[npt.NDArray[Any]]:
+    """Arrays of the caller's that take results of a shape, flat unless they may be strided. They must not overlap, nor what is asked."""
+    own: list[npt.NDArray[Any]] = []
+    shares = np.shares_memory if strided else np.may_share_memory
     for (name, array), dtype in zip(columns.items(), dtypes):
         if not isinstance(array, np.ndarray) or array.dtype != dtype:
             found = array.dtype if isinstance(array, np.ndarray) else type(array).__name__
             raise DtypeError(f"{name} must be an array of {np.dtype(dtype)}, not {found}")
         if array.shape != leading:
             raise ShapeError(f"{name} has shape {array.shape}, but results have {leading}")
-        if not array.flags.c_contiguous or not array.flags.aligned or not array.flags.writeable:
-            raise ShapeError(f"{name} must be contiguous in the order of C, aligned, and writeable")
-        if any(np.may_share_memory(array, other) for other in (asked, *flat)):
+        if not array.flags.aligned or not array.flags.writeable or not (strided or array.flags.c_contiguous):
+            wanted = "aligned and writeable" if strided else "contiguous in the order of C, aligned, and writeable"
+            raise ShapeError(f"{name} must be {wanted}")
+        if any(shares(array, other) for other in (asked, *own)):
             raise ShapeError(f"{name} overlaps another array of this call")
-        flat.append(array.reshape(-1))
-    return flat
+        own.append(array if strided else array.reshape(-1))
+    return own

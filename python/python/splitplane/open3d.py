@@ -117,7 +117,7 @@ class RaycastingScene:
         hits = self._built().closest_hits(_float32(rays, "rays", 6), threads=_threads(nthreads))
         geometry, face, weights, normals = self._named(hits.triangle, hits.u, hits.v, nthreads)
         return {
-            "t_hit": hits.t,
+            "t_hit": hits.t.copy(),
             "geometry_ids": geometry,
             "primitive_ids": face,
             "primitive_uvs": weights,

@@ -10,6 +10,7 @@ from . import _arrays as arrays
 from . import _native
 from ._arrays import F32, F64, Progress
 from ._handle import Handle
+from ._options import Backend, backend_arguments
 from .errors import DtypeError, ShapeError
 from .results import NeighbourLists, Neighbours
 
@@ -25,6 +26,7 @@ class PointTree(Handle[_native.PointTree]):
     _points: F32
     _origin: F64 | None
     _axes: str
+    _backend: Backend
 
     def __init__(self) -> None:
         raise TypeError("make point trees with PointTree.build()")
@@ -35,6 +37,8 @@ class PointTree(Handle[_native.PointTree]):
         points: Any,
         *,
         axes: str = "widest",
+        backend: str = "cpu",
+        adapter: str | None = None,
         origin: Any = None,
         max_memory: int | None = None,
         threads: int | None = None,
@@ -43,10 +47,12 @@ class PointTree(Handle[_native.PointTree]):
         """Builds the tree of points (..., N), N from 1 to 4.
 
         axes: ``widest``: along which points reach farthest; ``cycle``: one after the other.
+        backend: what builds and answers, as of :meth:`splitplane.Tree.build`; answers are the same on all. adapter: part of a GPU's name.
         origin: a point (N,), or ``center``.
         max_memory: most bytes that the build may hold.
         """
         limit, call = arrays.memory(max_memory), arrays.call(threads, progress)
+        device = backend_arguments(backend, adapter)
         shift = arrays.origin_of(origin, points)
         given = arrays.as_array(points, "points")
         if shift is not None and (given.ndim == 0 or shift.shape != given.shape[-1:]):
@@ -54,14 +60,14 @@ class PointTree(Handle[_native.PointTree]):
         rows, _, _ = arrays.floats(given, "points", (1, 2, 3, 4), shift, None)
         rows = np.array(rows, dtype=np.float32, order="C")
         rows.flags.writeable = False
-        native = _native.PointTree.build(rows, arrays.text(axes, "axes"), limit, call)
-        return cls._of(native, rows, shift, axes)
+        native = _native.PointTree.build(rows, arrays.text(axes, "axes"), limit, device, call)
+        return cls._of(native, rows, shift, axes, device)
 
     @classmethod
-    def _of(cls, native: _native.PointTree, points: F32, origin: F64 | None, axes: str) -> PointTree:
+    def _of(cls, native: _native.PointTree, points: F32, origin: F64 | None, axes: str, backend: Backend) -> PointTree:
         tree = cls.__new__(cls)
         tree._own = native
-        tree._points, tree._origin, tree._axes = points, origin, axes
+        tree._points, tree._origin, tree._axes, tree._backend = points, origin, axes, backend
         return tree
 
     @property
@@ -79,6 +85,16 @@ class PointTree(Handle[_native.PointTree]):
     def dropped(self) -> int:
         """Points that were left out."""
         return self._native.summary()["dropped"]
+
+    @property
+    def backend(self) -> str:
+        """``cpu`` or ``wgpu``."""
+        return self._native.backend()[0]
+
+    @property
+    def backend_reason(self) -> str:
+        """Why it is this backend."""
+        return self._native.backend()[1]
 
     @property
     def digest(self) -> str:
@@ -153,9 +169,9 @@ class PointTree(Handle[_native.PointTree]):
 
     def __reduce__(self) -> tuple[Any, ...]:
         self._native
-        return _restored, (self._points, self._origin, self._axes)
+        return _restored, (self._points, self._origin, self._axes, self._backend)
 
 
-def _restored(points: F32, origin: F64 | None, axes: str) -> PointTree:
-    native = _native.PointTree.build(points, axes, None, (None, None))
-    return PointTree._of(native, points, origin, axes)
+def _restored(points: F32, origin: F64 | None, axes: str, backend: Backend = ("cpu", None)) -> PointTree:
+    native = _native.PointTree.build(points, axes, None, backend, (None, None))
+    return PointTree._of(native, points, origin, axes, backend)

@@ -62,7 +62,11 @@ class BackendInfo(NamedTuple):
 
 @dataclass(frozen=True)
 class Hits:
-    """The closest hit of each ray: the one of least (t, triangle)."""
+    """The closest hit of each ray: the one of least (t, triangle).
+
+    The arrays are columns of one array of records, as the library writes them, so a column is not contiguous:
+    ``np.ascontiguousarray`` makes a copy that is.
+    """
 
     #: Distance in units of the ray's direction, float32; infinity for a miss.
     t: F32
@@ -151,6 +155,36 @@ class SceneClosestPoints(ClosestPoints):
 
     geometry: U32
     instance: U32
+
+
+@dataclass(frozen=True)
+class Impacts:
+    """What each moving ball or capsule touches first."""
+
+    #: When, in units of the ray's direction, float32; infinity where nothing is touched.
+    t: F32
+    #: Index of the face, uint32; :data:`splitplane.MISS` where nothing is touched.
+    triangle: U32
+    report: Report
+
+    @property
+    def hit(self) -> Bool:
+        """Which of them touch something."""
+        return np.asarray(self.triangle != np.uint32(MISS))
+
+
+@dataclass(frozen=True)
+class Overlaps:
+    """The faces that each volume meets, volume by volume, each volume's in ascending order."""
+
+    #: Where those of each volume begin, and the number of all: int64 (volumes + 1,).
+    starts: I64
+    triangle: U32
+    report: Report
+
+    def of(self, volume: int) -> slice:
+        """Where the faces of a volume stand."""
+        return slice(int(self.starts[volume]), int(self.starts[volume + 1]))
 
 
 @dataclass(frozen=True)

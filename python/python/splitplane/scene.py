@@ -14,7 +14,7 @@ from ._handle import Handle
 from ._options import backend_arguments, build_arguments, ignored_instance
 from .errors import DtypeError, ShapeError
 from .results import Located, Report, SceneClosestPoints, SceneCrossings, SceneHits
-from .tree import distances_and_points, file_of, hits_in, normals_of, occluded_in, points_of, rays_of
+from .tree import SCENE_HIT, distances_and_points, file_of, hits_in, hits_of, normals_of, occluded_in, points_of, rays_of
 
 
 def matrix_of(transform: Any) -> F32:
@@ -202,11 +202,10 @@ class Scene(Handle[_native.Scene]):
         native = self._native
         options, call = self._options(accuracy, culling, mask, ignore), arrays.call(threads, progress)
         rows, limits, leading, rounded = rays_of(rays, t_min, t_max, None)
-        t, triangle, u, v, geometry, instance = hits_in(out, SceneHits, leading, rows)
-        counts = native.closest_hits(rows, limits, options, (t, u, v), (triangle, geometry, instance), call)
-        t, triangle, u, v = (column.reshape(leading) for column in (t, triangle, u, v))
-        report = Report(*counts, rounded)
-        return SceneHits(t, triangle, u, v, report, geometry.reshape(leading), instance.reshape(leading))
+        records, columns = hits_in(out, SceneHits, leading, rows)
+        counts = native.closest_hits(rows, limits, options, records, call)
+        t, u, v, triangle, geometry, instance = hits_of(records, columns, SCENE_HIT, leading)
+        return SceneHits(t, triangle, u, v, Report(*counts, rounded), geometry, instance)
 
     def any_hits(
         self,
@@ -268,7 +267,7 @@ class Scene(Handle[_native.Scene]):
     ) -> I64:
         """How many crossings each ray has: int64, of the leading shape. As :meth:`all_hits`, without keeping them.
 
-        max_memory: of the crossings of some thousands of rays, which are held while they are counted.
+        max_memory: of the crossings of one ray, which are held while they are counted.
         """
         native = self._native
         options, call = self._options("exact", culling, mask, ignore), arrays.call(threads, progress)

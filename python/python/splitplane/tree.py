@@ -13,7 +13,7 @@ from ._arrays import F32, F64, U32, Bool, I64, Progress
 from ._handle import Handle
 from ._options import Backend, BuildArguments, backend_arguments, build_arguments, query_arguments
 from .errors import ConfigError, DtypeError, FileError, RangeError, ShapeError
-from .results import ClosestPoints, Crossings, Hits, Located, Report, Summary
+from .results import ClosestPoints, Crossings, Hits, Impacts, Located, Overlaps, Report, Summary
 
 
 def rays_of(
@@ -30,6 +30,36 @@ def rays_of(
     least = 0.0 if t_min is None else arrays.limit(t_min, "t_min", leading)
     most = np.inf if t_max is None else arrays.limit(t_max, "t_max", leading)
     return rows, (least, most), leading, rounded
+
+
+#: Numbers of a volume, and how many of them are coordinates.
+VOLUMES = {"box": (6, 6), "ball": (4, 3), "capsule": (7, 6), "triangle": (9, 9)}
+
+
+def volumes_of(volumes: Any, kind: str, origin: F64 | None) -> tuple[F32, I64, tuple[int, ...], int]:
+    """Volumes as rows of numbers, where those of each set of planes begin, the leading shape, and how many numbers were rounded."""
+    if kind == "planes":
+        if not isinstance(volumes, (list, tuple)):
+            raise DtypeError(f"planes must be a list of arrays (m, 4), not {type(volumes).__name__}")
+        sets, total, starts = [np.zeros((0, 4), np.float32)], 0, [0]
+        for number, planes in enumerate(volumes):
+            array = arrays.as_array(planes, f"planes {number}")
+            if array.ndim != 2 or array.shape[1] != 4 or array.dtype.kind not in "fiu":
+                raise ShapeError(f"planes {number} have shape {array.shape} of {array.dtype}, but must be numbers (m, 4)")
+            if origin is not None:
+                array = np.array(array, np.float64)
+                array[:, 3] -= array[:, :3] @ origin
+            own, _, rounded = arrays.floats(array, f"planes {number}", (4,))
+            sets.append(own)
+            starts.append(starts[-1] + len(own))
+            total += rounded
+        return np.concatenate(sets), np.array(starts, np.int64), (len(volumes),), total
+    if kind not in VOLUMES:
+        raise ConfigError(f"there is no volume `{kind}`; there are {', '.join(VOLUMES)} and planes")
+    count, coordinates = VOLUMES[kind]
+    shift = None if origin is None else np.tile(origin, coordinates // 3)
+    rows, leading, rounded = arrays.floats(volumes, "volumes", (count,), shift, coordinates)
+    return rows, np.zeros(1, np.int64), leading, rounded
 
 
 def points_of(points: Any, origin: F64 | None) -> tuple[F32, tuple[int, ...], int]:
@@ -226,10 +256,9 @@ class Tree(Handle[_native.Tree]):
         options = query_arguments(accuracy, culling, ignore)
         call = arrays.call(threads, progress)
         rows, limits, leading, rounded = rays_of(rays, t_min, t_max, self._origin)
-        t, triangle, u, v = hits_in(out, Hits, leading, rows)
-        counts = native.closest_hits(rows, limits, options, t, triangle, u, v, call)
-        t, triangle, u, v = (column.reshape(leading) for column in (t, triangle, u, v))
-        return Hits(t, triangle, u, v, Report(*counts, rounded))
+        records, columns = hits_in(out, Hits, leading, rows)
+        counts = native.closest_hits(rows, limits, options, records, call)
+        return Hits(*hits_of(records, columns, HIT, leading), Report(*counts, rounded))
 
     def any_hits(
         self,
@@ -298,6 +327,82 @@ class Tree(Handle[_native.Tree]):
         rows, limits, leading, _ = rays_of(rays, t_min, t_max, self._origin)
         found = arrays.room((len(rows),), np.int64)
         native.count_hits(rows, limits, options, found, call)
+        return found.reshape(leading)
+
+    # Bodies.
+
+    def impacts(
+        self,
+        rays: Any,
+        radius: Any,
+        axis: Any = None,
+        *,
+        t_min: Any = None,
+        t_max: Any = None,
+        ignore: int | None = None,
+        threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> Impacts:
+        """What each ball or capsule that moves along a ray touches first: least (t, triangle).
+
+        rays: the way of the ball's middle, or of one end of the capsule's segment. radius: at least 0, a number or an array of the
+        leading shape. axis: (..., 3), from that end of the segment to the other; none: balls. ``t`` is ``t_min`` where they touch from the start.
+        """
+        native = self._native
+        face, call = arrays.maybe_whole(ignore, "ignore"), arrays.call(threads, progress)
+        rows, limits, leading, rounded = rays_of(rays, t_min, t_max, self._origin)
+        radii = arrays.limit(radius, "radius", leading)
+        if isinstance(radii, float):
+            radii = np.full(len(rows), radii, np.float32)
+        axes = np.zeros((len(rows), 3), np.float32)
+        if axis is not None:
+            own, around, more = arrays.floats(axis, "axis", (3,))
+            try:
+                axes = np.broadcast_to(own.reshape(*around, 3), (*leading, 3)).reshape(-1, 3)
+            except ValueError:
+                raise ShapeError(f"axis has shape {(*around, 3)}, which does not fit rays of shape {leading}") from None
+            axes, rounded = np.require(axes, np.float32, ["C", "A"]), rounded + more
+        t, triangle = arrays.room((len(rows),), np.float32), arrays.room((len(rows),), np.uint32)
+        counts = _native.impacts(native, rows, limits, radii, axes, face, t, triangle, call)
+        return Impacts(t.reshape(leading), triangle.reshape(leading), Report(*counts, rounded))
+
+    def overlaps(
+        self,
+        volumes: Any,
+        kind: str = "box",
+        *,
+        ignore: int | None = None,
+        max_memory: int | None = None,
+        threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> Overlaps:
+        """The faces that each volume meets, decided exactly, also where they only touch.
+
+        kind, and what a volume is: ``box``: (..., 6), lower and upper corner; ``ball``: (..., 4), middle and radius; ``capsule``: (..., 7),
+        both ends of the segment and the radius; ``triangle``: (..., 9), such as those of another mesh; ``planes``: a list of arrays (m, 4),
+        each a set of half-spaces ``n . x <= offset``, such as a frustum: what is in all of them.
+        """
+        native = self._native
+        face, limit, call = arrays.maybe_whole(ignore, "ignore"), arrays.memory(max_memory), arrays.call(threads, progress)
+        rows, starts, _, rounded = volumes_of(volumes, arrays.text(kind, "kind"), self._origin)
+        ends, met, counts = _native.overlaps(native, kind, rows, starts, face, limit, call)
+        return Overlaps(ends, met, Report(*counts, rounded))
+
+    def overlaps_any(
+        self,
+        volumes: Any,
+        kind: str = "box",
+        *,
+        ignore: int | None = None,
+        threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> Bool:
+        """Whether each volume meets any face: bool, of the leading shape. As :meth:`overlaps`."""
+        native = self._native
+        face, call = arrays.maybe_whole(ignore, "ignore"), arrays.call(threads, progress)
+        rows, starts, leading, _ = volumes_of(volumes, arrays.text(kind, "kind"), self._origin)
+        found = arrays.room((len(starts) - 1 if kind == "planes" else len(rows),), np.bool_)
+        _native.overlaps_any(native, kind, rows, starts, face, found, call)
         return found.reshape(leading)
 
     # Points.
@@ -443,15 +548,60 @@ def checked_origin(origin: F64 | None) -> F64 | None:
     return origin
 
 
-def hits_in(out: Any, kind: type[Hits], leading: tuple[int, ...], rows: F32) -> tuple[Any, ...]:
-    """Room for hits, flat: t, triangle, u, v, and where there are any geometry and instance; new, or that of earlier hits."""
-    named = ("geometry", "instance") if kind is not Hits else ()
-    names, dtypes = ("t", "triangle", "u", "v", *named), (np.float32, np.uint32, np.float32, np.float32, np.uint32, np.uint32)
+#: Columns of the library's records of hits, of 32 bits each, and their dtypes.
+HIT = {"t": np.float32, "triangle": np.uint32, "u": np.float32, "v": np.float32}
+SCENE_HIT = {"t": np.float32, "u": np.float32, "v": np.float32, "triangle": np.uint32, "geometry": np.uint32, "instance": np.uint32}
+
+
+def columns_of(records: F32, fields: dict[str, Any]) -> list[Any]:
+    """The columns of records, which share their memory."""
+    return [records.view(dtype)[:, place] for place, dtype in enumerate(fields.values())]
+
+
+def hits_in(out: Any, kind: type[Hits], leading: tuple[int, ...], rows: F32) -> tuple[F32, dict[str, Any] | None]:
+    """Room for records of hits, (n, 4) or (n, 6): new, or that of earlier hits; and columns of the caller's into which they are copied then."""
+    fields = HIT if kind is Hits else SCENE_HIT
+    shape = (len(rows), len(fields))
     if out is None:
-        return tuple(arrays.room((len(rows),), dtype) for _, dtype in zip(names, dtypes))
+        return arrays.room(shape, np.float32), None
     if not isinstance(out, kind):
         raise DtypeError(f"out must be a {kind.__name__}, not {type(out).__name__}")
-    return tuple(arrays.given({f"out.{name}": getattr(out, name) for name in names}, leading, dtypes, rows))
+    given = {name: getattr(out, name) for name in fields}
+    records = records_of(given, fields, leading, shape)
+    if records is not None and not np.may_share_memory(records, rows):
+        return records, None
+    checked = arrays.given({f"out.{name}": array for name, array in given.items()}, leading, tuple(fields.values()), rows, True)
+    return arrays.room(shape, np.float32), dict(zip(fields, checked))
+
+
+def records_of(given: dict[str, Any], fields: dict[str, Any], leading: tuple[int, ...], shape: tuple[int, ...]) -> F32 | None:
+    """The records of which these arrays are the columns; none where they are others."""
+    first = next(iter(given.values()))
+    records = getattr(first, "base", None)
+    while isinstance(records, np.ndarray) and isinstance(records.base, np.ndarray):
+        records = records.base
+    if not isinstance(records, np.ndarray) or records.dtype != np.float32 or records.shape != shape:
+        return None
+    if not records.flags.c_contiguous or not records.flags.aligned or not records.flags.writeable:
+        return None
+    for array, column in zip(given.values(), columns_of(records, fields)):
+        if not isinstance(array, np.ndarray) or array.shape != leading or not array.flags.writeable:
+            return None
+        own = column.reshape(leading)
+        same = array.__array_interface__["data"] == own.__array_interface__["data"] and array.strides == own.strides
+        if array.dtype != column.dtype or not same:
+            return None
+    return records
+
+
+def hits_of(records: F32, columns: dict[str, Any] | None, fields: dict[str, Any], leading: tuple[int, ...]) -> list[Any]:
+    """The columns of records that were filled: views of them, or the caller's."""
+    found = [column.reshape(leading) for column in columns_of(records, fields)]
+    if columns is None:
+        return found
+    for column, own in zip(found, columns.values()):
+        own[...] = column
+    return list(columns.values())
 
 
 def occluded_in(out: Any, leading: tuple[int, ...], rows: F32) -> Any:

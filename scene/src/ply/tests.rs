@@ -105,7 +105,7 @@ fn a_cloud_gives_its_points_and_is_no_mesh() {
     let none = parse_points(b"ply\nformat ascii 1.0\nend_header\n", &path()).unwrap_err();
     assert_eq!(none.problem, MeshFileProblem::NoPoints);
     for encoding in [Encoding::Ascii, Encoding::LittleEndian, Encoding::BigEndian] {
-        let again = parse_points(&points_to_bytes(&points, encoding), &path()).unwrap();
+        let again = parse_points(&points_to_bytes(&points, encoding).unwrap(), &path()).unwrap();
         let again: Vec<u32> = again.as_flattened().iter().map(|x| x.to_bits()).collect();
         assert_eq!(again, want.map(f32::to_bits), "{encoding:?}");
     }
@@ -128,10 +128,10 @@ fn strips_and_normals_and_what_is_written() {
     whole.normal_indices = whole.indices.clone();
     for encoding in [Encoding::Ascii, Encoding::LittleEndian, Encoding::BigEndian] {
         for scene in [&scene, &whole] {
-            let again = read(&to_bytes(scene, encoding)).unwrap();
+            let again = read(&to_bytes(scene, encoding).unwrap()).unwrap();
             assert_eq!((&again.positions, &again.indices), (&scene.positions, &scene.indices));
         }
-        let again = read(&to_bytes(&whole, encoding)).unwrap();
+        let again = read(&to_bytes(&whole, encoding).unwrap()).unwrap();
         assert_eq!(again.normals, whole.normals);
         assert_eq!(again.normal_indices, whole.normal_indices);
     }

@@ -21,8 +21,8 @@ pub fn run_on(data: &[u8], reader: Reader) {
     let mesh = crate::mesh(&mut source);
     let is_cloud = source.once_in(4);
     let mut bytes = match is_cloud {
-        true => points_to_bytes(&mesh.positions, encoding),
-        false => to_bytes(&mesh, encoding),
+        true => points_to_bytes(&mesh.positions, encoding).expect("memory"),
+        false => to_bytes(&mesh, encoding).expect("memory"),
     };
     let changed = crate::change(&mut source, &mut bytes);
     let words = |points: &[[f32; 3]]| -> Vec<u32> {

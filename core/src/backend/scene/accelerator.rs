@@ -91,6 +91,19 @@ pub trait SceneAccelerator: Send + Sync {
         self.scene().all_hits(rays, options)
     }
 
+    /// How many crossings [`SceneAccelerator::all_hits`] has of every ray, without them: see [`BuiltScene::count_hits`]. After an error `counts` must not be used.
+    ///
+    /// # Errors
+    /// As there.
+    fn count_hits(
+        &self,
+        rays: &[Ray],
+        counts: &mut [u64],
+        options: &SceneAllHitsOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.scene().count_hits(rays, counts, options)
+    }
+
     /// How often the surfaces of all instances wind around each point: see [`BuiltScene::locate`].
     ///
     /// # Errors
@@ -203,6 +216,15 @@ impl SceneAccelerator for Box<dyn SceneAccelerator> {
         (**self).all_hits(rays, options)
     }
 
+    fn count_hits(
+        &self,
+        rays: &[Ray],
+        counts: &mut [u64],
+        options: &SceneAllHitsOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        (**self).count_hits(rays, counts, options)
+    }
+
     fn locate(
         &self,
         points: &[[f32; 3]],
@@ -245,7 +267,7 @@ mod tests {
 
     use super::*;
 
-    const NAMES: [&str; 12] = [
+    const NAMES: [&str; 13] = [
         "scene",
         "placed_by_cpu",
         "update_by",
@@ -254,6 +276,7 @@ mod tests {
         "closest_hit",
         "any_hit",
         "all_hits",
+        "count_hits",
         "locate",
         "closest_points",
         "overlaps",
@@ -327,6 +350,15 @@ mod tests {
             self.note("all_hits", Err(QueryError::Unsupported { query: "all hits" }))
         }
 
+        fn count_hits(
+            &self,
+            _: &[Ray],
+            _: &mut [u64],
+            _: &SceneAllHitsOptions<'_>,
+        ) -> Result<QueryReport, QueryError> {
+            self.note("count_hits", Ok(QueryReport::default()))
+        }
+
         fn locate(&self, _: &[[f32; 3]], _: &LocateOptions<'_>) -> Result<Located, QueryError> {
             self.note("locate", Ok(Located::default()))
         }
@@ -383,6 +415,8 @@ mod tests {
         assert_eq!(called(), "any_hit");
         let _ = SceneAccelerator::all_hits(&boxed, &[], &SceneAllHitsOptions::default());
         assert_eq!(called(), "all_hits");
+        let _ = SceneAccelerator::count_hits(&boxed, &[], &mut [], &SceneAllHitsOptions::default());
+        assert_eq!(called(), "count_hits");
         let _ = SceneAccelerator::locate(&boxed, &[], &LocateOptions::default());
         assert_eq!(called(), "locate");
         let options = SceneClosestPointOptions::default();

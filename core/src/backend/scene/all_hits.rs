@@ -116,6 +116,41 @@ impl BuiltScene {
         Ok(all)
     }
 
+    /// How many crossings [`BuiltScene::all_hits`] has of every ray, without them. It holds the crossings of one ray at a time, which is what the options' limit is for. After an error
+    /// `counts` holds the answers to some of the rays, and nothing says which: do not use it.
+    ///
+    /// # Errors
+    /// `rays` and `counts` of different length, and as for [`BuiltScene::all_hits`].
+    pub fn count_hits(
+        &self,
+        rays: &[Ray],
+        counts: &mut [u64],
+        options: &SceneAllHitsOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        if rays.len() != counts.len() {
+            return Err(QueryError::LengthMismatch { rays: rays.len(), results: counts.len() });
+        }
+        let total = rays.len() as u64;
+        let mut all = SceneAllHits {
+            starts: Vec::new(),
+            crossings: Vec::new(),
+            report: QueryReport::default(),
+        };
+        for (done, (ray, count)) in (0u64..).zip(rays.iter().zip(counts)) {
+            go_on_tracing(options.query.watch, done, total)?;
+            all.crossings.clear();
+            self.crossings_of(ray, options, (done, total, 0), &mut all).map_err(
+                |error| match error {
+                    QueryError::Cancelled { .. } => QueryError::Cancelled { done, total },
+                    error => error,
+                },
+            )?;
+            *count = all.crossings.len() as u64;
+        }
+        go_on_tracing(options.query.watch, total, total)?;
+        Ok(all.report)
+    }
+
     /// Adds the crossings of one ray, instance by instance.
     fn crossings_of(
         &self,
