@@ -188,7 +188,7 @@ fn overlaps_differ(
     let report = device.overlaps_any(volumes, &mut any, options).expect("answers");
     let differs = volumes.iter().enumerate().find_map(|(place, volume)| {
         let (expected, found) = (expected.of(place), found.of(place));
-        let same = expected == found && any[place] == !expected.is_empty();
+        let same = expected == found && any[place] != expected.is_empty();
         (!same).then(|| format!("{volume:?}: {found:?}, {} for {expected:?}", any[place]))
     });
     (differs, [found.report.answered_by_cpu, report.answered_by_cpu])

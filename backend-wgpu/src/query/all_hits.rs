@@ -50,7 +50,8 @@ impl WgpuAccelerator {
             make_room(&mut all.crossings, crossings, &mut answer)?;
             parts.into_iter().flatten().try_for_each(|(part, _)| all.append(part))
         };
-        let report = self.list_in_runs(wait, rays.len(), part, query, asking, held, settle).await?;
+        let report =
+            self.list_in_runs(wait, (rays.len(), part), query, asking, held, settle).await?;
         asking.check()?;
         all.report = report;
         Ok(all)

@@ -67,8 +67,14 @@ impl WgpuAccelerator {
                 }
                 Ok(())
             };
-            let listed =
-                self.list_in_runs(Wait::Blocking, left.len(), rays_of, query, asking, held, settle);
+            let listed = self.list_in_runs(
+                Wait::Blocking,
+                (left.len(), rays_of),
+                query,
+                asking,
+                held,
+                settle,
+            );
             let part = blocking(listed)?;
             report.append(part, 0)?;
         }

@@ -173,7 +173,7 @@ impl HostScene<'_> {
 
 impl WgpuAccelerator {
     /// Lists the triangles that rays of a batch may meet, and calls `settle` with runs of rays in order: where the run
-    /// begins in the batch, its rays, and their lists. `rays_of` gives a part of the batch. Returns a report on what was left to the
+    /// begins in the batch, its rays, and their lists. The batch is its number of rays, and what gives a part of them. Returns a report on what was left to the
     /// host.
     ///
     /// # Errors
@@ -181,8 +181,7 @@ impl WgpuAccelerator {
     pub(super) async fn list_in_runs<'r>(
         &self,
         wait: Wait,
-        count: usize,
-        rays_of: impl Fn(Range<usize>) -> Result<Cow<'r, [Ray]>, QueryError>,
+        (count, rays_of): (usize, impl Fn(Range<usize>) -> Result<Cow<'r, [Ray]>, QueryError>),
         options: &QueryOptions<'_>,
         asking: &Asking<'_>,
         held: &Held,

@@ -96,6 +96,6 @@ impl WgpuAccelerator {
             }
             Ok(())
         };
-        blocking(self.list_in_runs(Wait::Blocking, left.len(), from, query, asking, held, settle))
+        blocking(self.list_in_runs(Wait::Blocking, (left.len(), from), query, asking, held, settle))
     }
 }
