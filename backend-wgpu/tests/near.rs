@@ -210,7 +210,8 @@ fn overlaps_are_the_cpus() {
         by_cpu = [by_cpu[0] + host[0], by_cpu[1] + host[1]];
     }
     assert!(asked > 1_000, "{asked}");
-    assert!(by_cpu.iter().all(|&host| host > 0 && host < asked / 3), "{by_cpu:?} of {asked}");
+    // Volumes far away, and those of scenes of extreme scale, are the host's.
+    assert!(by_cpu.iter().all(|&host| host > 0 && host < asked / 2), "{by_cpu:?} of {asked}");
 }
 
 /// An ordinary scene is the device's alone.
