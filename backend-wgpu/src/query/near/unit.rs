@@ -6,8 +6,11 @@ use splitplane_core::aabb::Aabb;
 /// below the least normal number.
 const EXPONENTS: std::ops::RangeInclusive<i32> = -100..=120;
 
+/// From farther away than this many sizes of a scene, a device cannot tell enough of its triangles apart: the host finds an answer sooner.
+const FARTHEST: f64 = 16.0;
+
 /// A unit for a query at a point: a power of two, such that nothing within `bounds` or `reach` of the point is 1 away along an axis, and something
-/// is at least a half; by what lengths are multiplied. `None` where a device cannot measure in it, or all is at the point itself.
+/// is at least a half; by what lengths are multiplied. `None` where a device cannot measure in it, the scene is far away, or all is at the point itself.
 pub(super) fn unit_at(point: [f32; 3], bounds: &Aabb, reach: f32) -> Option<f32> {
     let mut farthest = f64::from(reach);
     for axis in 0..3 {
@@ -15,10 +18,13 @@ pub(super) fn unit_at(point: [f32; 3], bounds: &Aabb, reach: f32) -> Option<f32>
         farthest =
             farthest.max(f64::from(bounds.hi[axis]) - at).max(at - f64::from(bounds.lo[axis]));
     }
+    let extents = (0..3).map(|axis| f64::from(bounds.hi[axis]) - f64::from(bounds.lo[axis]));
+    let extent = extents.fold(0.0, f64::max);
     // Of a normal number.
     let exponent = (farthest.to_bits() >> 52) as i32 - 1023;
     let may = farthest.is_finite() && EXPONENTS.contains(&exponent);
-    may.then(|| f32::from_bits(((127 - (exponent + 1)) as u32) << 23))
+    (may && farthest <= FARTHEST * extent)
+        .then(|| f32::from_bits(((127 - (exponent + 1)) as u32) << 23))
 }
 
 #[cfg(test)]
@@ -32,8 +38,8 @@ mod tests {
             let unit = unit_at([0.0; 3], &bounds(far), 0.0).expect("in range");
             assert!((0.5..1.0).contains(&(far * unit)), "{far} {unit}");
         }
-        let far = unit_at([-1e3, 0.0, 0.0], &bounds(1.0), 0.0).expect("in range");
-        assert_eq!(far, 1.0 / 1024.0);
+        assert_eq!(unit_at([-9.0, 0.0, 0.0], &bounds(1.0), 0.0), Some(1.0 / 16.0));
+        assert_eq!(unit_at([-1e3, 0.0, 0.0], &bounds(1.0), 0.0), None);
         assert_eq!(unit_at([0.0; 3], &bounds(1.0), 4.0), Some(0.125));
         for far in [0.0, 1e-31, 3e36, f32::MAX] {
             assert_eq!(unit_at([0.0; 3], &bounds(far), 0.0), None, "{far}");
