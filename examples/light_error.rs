@@ -98,7 +98,8 @@ fn main() -> Outcome<()> {
     let photons = RenderSettings { light: LightTransport::Photons, photons: 100_000, ..paths };
     let gathered = RenderSettings { gather: Gather::Final, ..photons };
     println!("| | passes | CPU time (s) | error | mean |\n|---|---|---|---|---|");
-    for (name, settings) in [("paths", paths), ("photons", photons), ("photons, gathered", gathered)]
+    for (name, settings) in
+        [("paths", paths), ("photons", photons), ("photons, gathered", gathered)]
     {
         for passes in PASSES {
             let (picture, took) = show.picture(RenderSettings { passes, ..settings })?;

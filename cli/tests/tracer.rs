@@ -166,15 +166,15 @@ fn pictures_by_photons_are_the_cpus_to_the_byte() {
         assert_eq!(ended.status.code(), Some(0), "{error}");
         (String::from_utf8(ended.stdout).unwrap(), folder.path().join(output))
     };
-    for scene in ["builtin:cornell", "builtin:forest:10"] {
+    let same = |scene: &str, more: &[&str]| {
         let (_, by_cpu) = run(scene, "cpu", &[]);
-        let (report, by_gpu) = run(scene, "wgpu", &[]);
-        assert!(report.contains("shading  shaded on the CPU, rays on "), "{report}");
+        let (report, by_gpu) = run(scene, "wgpu", more);
         let [cpu, gpu] = [by_cpu, by_gpu].map(|path| std::fs::read(path).unwrap());
         assert!(cpu == gpu, "{scene}: other bytes");
-    }
-    let (plan, _) = run("builtin:cornell", "wgpu", &["--explain"]);
-    assert!(plan.contains("rays on ") && plan.contains("\nphotons  2000 a pass"), "{plan}");
-    let (json, _) = run("builtin:cornell", "wgpu", &["--json"]);
-    assert!(json.contains("\"shading\":\"cpu, rays on gpu\""), "{json}");
+        report
+    };
+    let report = same("builtin:forest:10", &[]);
+    assert!(report.contains("shading  shaded on the CPU, rays on "), "{report}");
+    let report = same("builtin:cornell", &["--json"]);
+    assert!(report.contains("\"shading\":\"cpu, rays on gpu\""), "{report}");
 }
