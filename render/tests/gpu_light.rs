@@ -69,7 +69,7 @@ fn request(settings: RenderSettings) -> FrameRequest<'static> {
 
 /// Small frames of each kind that a device's kernels do not shade.
 fn kinds() -> Vec<(&'static str, RenderSettings)> {
-    let few = RenderSettings { samples: 2, passes: 2, depth: 6, seed: 3, ..Default::default() };
+    let few = RenderSettings { samples: 2, passes: 2, depth: 4, seed: 3, ..Default::default() };
     let photons =
         RenderSettings { light: LightTransport::Photons, photons: 3000, neighbours: 12, ..few };
     vec![
@@ -360,7 +360,7 @@ fn frames_can_be_cancelled_and_limited() {
     // The photons fit, their tree on the device does not.
     let scene = world.data();
     let accelerator = both.gpu.accelerator().unwrap();
-    let settings = RenderSettings { photons: 20_000, samples: 1, passes: 1, ..photons };
+    let settings = RenderSettings { photons: 5000, samples: 1, passes: 1, ..photons };
     let input = FrameInput {
         mesh,
         scene: &scene,
