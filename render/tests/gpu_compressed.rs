@@ -54,12 +54,10 @@ fn check(renderer: &mut WgpuRenderer, scene: Scene, room: Room) {
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn every_kind_of_ray() {
     let mut renderer = device::renderer();
-    for scene in
-        [scenes::all().with_samples("many samples", 3), scenes::degenerate(), scenes::doubled()]
-    {
+    for scene in [scenes::all().with_samples("many samples", 3), scenes::doubled()] {
         check(&mut renderer, scene, Room::GPU);
     }
-    let mut culled = scenes::diffuse();
+    let mut culled = scenes::doubled();
     culled.query.culling = Culling::Back;
     culled.query.ignore = Some(3);
     check(&mut renderer, culled, Room { paths: 700, ..Room::GPU });
