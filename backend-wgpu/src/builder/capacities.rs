@@ -497,6 +497,20 @@ mod tests {
         let estimate = Capacities { input_bytes: 32_104_176 + 47_997_552, ..estimate };
         let within = estimate.within(&limits, None, &config).unwrap();
         assert!(within.by_halves);
+        // But not the pool of the middle stage, and the build will say so.
+        let with_stage = estimate.with_middle_stage();
+        assert!(!with_stage.within(&limits, None, &config).unwrap().middle);
+        let needed = 32 * (10 * 3_999_796 + 16_384);
+        let (list, allowed) = (Buffer::MiddleReferences, 128 << 20);
+        let why = with_stage.too_long_for_middle_stage(&limits);
+        assert_eq!(why, Some(MiddleStage::TooLong { list, needed, allowed }));
+        let larger = wgpu::Limits {
+            max_storage_buffer_binding_size: 2 << 30,
+            max_buffer_size: 2 << 30,
+            ..wgpu::Limits::default()
+        };
+        assert!(with_stage.within(&larger, None, &config).unwrap().middle);
+        assert_eq!(with_stage.too_long_for_middle_stage(&larger), None);
         for (buffer, needed) in [
             (Buffer::Triangles, 3_999_796),
             (Buffer::References, 4_933_771),
