@@ -9,9 +9,12 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::task::{Context, Poll, Waker};
 use std::time::{Duration, Instant};
 
-use splitplane_core::backend::{Accelerator, BuildOptions};
+use splitplane_core::backend::scene::SceneAccelerator;
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::error::{BuildError, DeviceError, QueryError};
+use splitplane_core::query::all_hits::AllHitsOptions;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
+use splitplane_core::scene::{Instance, Scene as Objects, SceneBuildError, SceneHit, SceneOptions};
 use splitplane_core::watch::Progress;
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::aim::{self, Kind};
@@ -262,4 +265,81 @@ fn a_device_that_takes_too_long_is_an_error() {
     let built = pollster::block_on(backend.build_accelerator_async(&scene.mesh(), &build));
     let error = built.expect_err("no time at all");
     assert_eq!(error, BuildError::Device(DeviceError::TimedOut { seconds: 0 }));
+}
+
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn all_hits_and_scenes_are_those_of_the_cpu() {
+    let backend = backend();
+    let scene = scene();
+    let (mesh, rays) = (scene.mesh(), rays(&scene));
+    let build = BuildOptions::default();
+    let work = can_be_sent(backend.build_accelerator_async(&mesh, &build));
+    let tree = pollster::block_on(work).expect("a tree");
+    let cpu = CpuBackend::new().build_accelerator(&mesh, &build).expect("a tree");
+    let options = AllHitsOptions::default();
+    let found = pollster::block_on(can_be_sent(tree.all_hits_async(&rays, &options)));
+    let (found, expected) = (found.expect("hits"), cpu.all_hits(&rays, &options).expect("hits"));
+    assert!(expected.crossings.len() > 1000);
+    assert_eq!((&found.starts, &found.crossings), (&expected.starts, &expected.crossings));
+    let ends: &dyn splitplane_core::watch::Watch = &|_: &Progress| ControlFlow::Break(());
+    let watched = AllHitsOptions { watch: Some(ends), ..options };
+    let ended = tree.all_hits_async(&rays, &watched);
+    assert!(matches!(pollster::block_on(ended), Err(QueryError::Cancelled { .. })));
+
+    let mut objects = Objects::new();
+    let one = objects.add_mesh(&mesh).expect("a geometry");
+    let turned = [[0.0, 1.0, 0.0, 0.5], [-1.0, 0.0, 0.0, 0.25], [0.0, 0.0, 1.0, 0.0]];
+    objects.add_instance(Instance::in_place(one)).expect("an instance");
+    let moves = objects.add_instance(Instance::new(one, turned)).expect("an instance");
+    let work = can_be_sent(backend.build_scene_async(&objects, &build));
+    let mut built = pollster::block_on(work).expect("a scene");
+    for round in 0..3 {
+        let expected = CpuBackend::new().build_scene(&objects, &build).expect("a scene");
+        assert_eq!(built.scene().digest(), expected.scene().digest());
+        let options = SceneOptions::default();
+        assert_eq!(built.needs_cpu(&options), None);
+        let mut hits = [SceneHit::MISS; 2].map(|hit| vec![hit; rays.len()]);
+        let mut any = [false; 2].map(|hit| vec![hit; rays.len()]);
+        let work = can_be_sent(built.closest_hits_async(&rays, &mut hits[0], &options));
+        pollster::block_on(work).expect("hits");
+        expected.closest_hits(&rays, &mut hits[1], &options).expect("hits");
+        let words = |hits: &[SceneHit]| bytemuck::cast_slice::<_, u8>(hits).to_vec();
+        assert_eq!(words(&hits[0]), words(&hits[1]), "{round}");
+        assert!(hits[0].iter().filter(|hit| hit.is_hit()).count() > 1000);
+        let work = can_be_sent(built.any_hits_async(&rays, &mut any[0], &options));
+        pollster::block_on(work).expect("hits");
+        expected.any_hits(&rays, &mut any[1], &options).expect("hits");
+        assert_eq!(any[0], any[1], "{round}");
+        // What the device leaves to the CPU would block.
+        let exact = SceneOptions { accuracy: Accuracy::Exact, ..options };
+        let refused = pollster::block_on(built.any_hits_async(&rays, &mut any[0], &exact));
+        assert!(refused.unwrap_err().to_string().contains("without blocking"));
+        let more = scenes::soup(500, 0.2, 5);
+        match round {
+            // An instance moves, then a geometry comes.
+            0 => {
+                let further = turned.map(|[x, y, z, w]| [x, y, z, w + 0.125]);
+                objects.move_instance(moves, further).expect("an instance");
+            }
+            _ => {
+                let other = objects.add_mesh(&more.mesh()).expect("a geometry");
+                objects.add_instance(Instance::in_place(other)).expect("an instance");
+            }
+        }
+        let work = can_be_sent(backend.update_scene_async(&mut built, &objects, &build));
+        let report = pollster::block_on(work).expect("a scene");
+        assert_eq!(report.geometries_built, u32::from(round > 0));
+    }
+    // Limits and watches hold as elsewhere, and leave the scene as it was.
+    let other = objects.add_mesh(&scenes::soup(600, 0.2, 6).mesh()).expect("a geometry");
+    objects.add_instance(Instance::in_place(other)).expect("an instance");
+    let before = built.scene().digest();
+    let small = BuildOptions { max_memory: Some(1000), ..build };
+    let refused = pollster::block_on(backend.update_scene_async(&mut built, &objects, &small));
+    assert!(matches!(refused, Err(SceneBuildError::Geometry { .. })), "{refused:?}");
+    let watched = BuildOptions { watch: Some(ends), ..build };
+    let ended = pollster::block_on(backend.update_scene_async(&mut built, &objects, &watched));
+    assert!(matches!(ended, Err(SceneBuildError::Cancelled { .. })), "{ended:?}");
+    assert_eq!(built.scene().digest(), before);
 }
