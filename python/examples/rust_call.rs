@@ -1,11 +1,11 @@
 //! The Rust calls beside the package's: `cargo run --release --example rust_call -- DIRECTORY SET RAYS THREADS REPEATS`.
 //!
-//! Prints the seconds of each batch without a watch and with one, by the wall clock, for `scripts/overhead.py`.
+//! Prints the seconds of each batch without a watch and with one, by the wall clock, and the CPU time of both over all calls (on Linux), for `scripts/overhead.py`.
 
 use std::error::Error;
 use std::ops::ControlFlow;
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use splitplane::{BackendKind, BuildOptions, Hit, Mesh, Progress, QueryOptions, Ray};
 
@@ -42,12 +42,32 @@ fn main() -> Result<(), Box<dyn Error>> {
         ("plain", QueryOptions::default()),
         ("watched", QueryOptions { watch: Some(&watch), ..QueryOptions::default() }),
     ];
-    for _ in 0..=repeats.parse::<usize>()? {
-        for (name, options) in &options {
+    let repeats: usize = repeats.parse()?;
+    for (name, options) in &options {
+        let mut call = || pool.install(|| tree.closest_hits(&rays, &mut hits, options));
+        call()?;
+        let before = cpu_seconds();
+        let mut seconds = Vec::with_capacity(repeats);
+        for _ in 0..repeats {
             let begun = Instant::now();
-            pool.install(|| tree.closest_hits(&rays, &mut hits, options))?;
-            println!("{name} {}", begun.elapsed().as_secs_f64());
+            call()?;
+            seconds.push(begun.elapsed().as_secs_f64());
         }
+        let cpu = cpu_seconds() - before;
+        seconds.iter().for_each(|seconds| println!("{name} {seconds}"));
+        println!("{name}-cpu {}", cpu / repeats as f64);
     }
     Ok(())
+}
+
+/// CPU time of all threads so far; 0 where the system does not tell it this way.
+fn cpu_seconds() -> f64 {
+    // A thread that runs is behind by up to a tick, unless it has just waited.
+    std::thread::sleep(Duration::from_millis(1));
+    let Ok(threads) = std::fs::read_dir("/proc/self/task") else { return 0.0 };
+    let of = |thread: std::io::Result<std::fs::DirEntry>| -> Option<f64> {
+        let text = std::fs::read_to_string(thread.ok()?.path().join("schedstat")).ok()?;
+        text.split(' ').next()?.parse().ok()
+    };
+    threads.filter_map(of).sum::<f64>() / 1e9
 }

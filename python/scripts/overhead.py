@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""What a call from Python costs beyond the Rust call: overhead.py DIRECTORY [--rays N] [--threads N] [--rounds N] [--program FILE]
+"""What a call from Python costs beyond the Rust call: overhead.py DIRECTORY [--rays N] [--threads N] [--rounds N] [--clock wall|cpu] [--program FILE]
 
 Runs the program `rust_call` (`cargo build --release --example rust_call`, with the wheel that is installed built by --release) and the same
-batch through the package, in turns, each in a process that is held to the same CPUs. A figure is the least time of a turn; the overhead
-the median over turns, and the spread its quartiles.
+batch through the package, in turns, each in a process that is held to the same CPUs. A figure is the least time of a turn, or with `--clock cpu` the mean CPU
+time of its calls, for machines that are busy; the overhead the median over turns, and the spread its quartiles.
 """
 
 from __future__ import annotations
@@ -32,10 +32,16 @@ if form == "8":
     rays = whole
 tree = splitplane.Tree.build(vertices, faces, threads=int(threads))
 out = tree.closest_hits(rays) if reuse else None
-for _ in range(int(repeats) + 1):
+tree.closest_hits(rays, threads=int(threads), out=out)
+seconds, before = [], time.process_time()
+for _ in range(int(repeats)):
     begun = time.perf_counter()
     tree.closest_hits(rays, threads=int(threads), out=out)
-    print("python", time.perf_counter() - begun)
+    seconds.append(time.perf_counter() - begun)
+cpu = (time.process_time() - before) / int(repeats)
+for one in seconds:
+    print("python", one)
+print("python-cpu", cpu)
 """
 
 
@@ -56,9 +62,11 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--repeats", type=int, default=25)
+    parser.add_argument("--clock", choices=("wall", "cpu"), default="wall")
     parser.add_argument("--program", type=Path, default=PROGRAM)
     arguments = parser.parse_args()
     cpus = sorted(os.sched_getaffinity(0))[: arguments.threads] if hasattr(os, "sched_getaffinity") else []
+    clock = "-cpu" if arguments.clock == "cpu" else ""
     common = [str(arguments.rays), str(arguments.threads), str(arguments.repeats)]
     for scene in arguments.scenes:
         for name in ("primary", "bounce", "chords"):
@@ -66,10 +74,10 @@ def main() -> None:
             rust = []
             for _ in range(arguments.rounds):
                 plain = least([str(arguments.program), scene, name, *common], cpus)
-                rust.append(plain["plain"])
+                rust.append(plain["plain" + clock])
                 for form, own in over.items():
-                    took = least([sys.executable, "-c", PYTHON, scene, name, *common, *FORMS[form]], cpus)["python"]
-                    own.append(took / plain["plain"] - 1)
+                    took = least([sys.executable, "-c", PYTHON, scene, name, *common, *FORMS[form]], cpus)["python" + clock]
+                    own.append(took / rust[-1] - 1)
             shown = []
             for form, own in over.items():
                 low, _, high = statistics.quantiles(own, n=4)

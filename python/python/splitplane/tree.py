@@ -258,7 +258,8 @@ class Tree(Handle[_native.Tree]):
         rows, limits, leading, rounded = rays_of(rays, t_min, t_max, self._origin)
         records, columns = hits_in(out, Hits, leading, rows)
         counts = native.closest_hits(rows, limits, options, records, call)
-        return Hits(*hits_of(records, columns, HIT, leading), Report(*counts, rounded))
+        t, triangle, u, v = hits_of(records, columns, HIT, leading)
+        return Hits(t, triangle, u, v, Report(*counts, rounded))
 
     def any_hits(
         self,
