@@ -2,7 +2,7 @@
 //! blocks.
 //!
 //! Each kind is a function of its own, called once for many rays. Together with everything else a batch needs more registers
-//! than there are: of 123 instructions of a step at a node (AVX2) 25 read addresses back that had been put on the machine's stack.
+//! than there are: of 123 instructions of a step at a node (AVX2) 23 read back what had been put on the machine's stack.
 
 use splitplane_core::query::traverse::Query;
 
