@@ -26,21 +26,25 @@ pub(crate) const MOST_LEAVES: usize = (1 << 31) - 1;
 pub(crate) struct CacheLine(pub [u32; 16]);
 
 /// Cache lines of a node.
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) const fn lines_of_node(lanes: usize) -> usize {
     lanes / 2
 }
 
 /// Bytes before the bounds on an axis, lower or upper.
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) const fn bounds_offset(lanes: usize, axis: usize, upper: bool) -> usize {
     4 * lanes * if upper { axis + 3 } else { axis }
 }
 
 /// Bytes before the children.
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) const fn children_offset(lanes: usize) -> usize {
     24 * lanes
 }
 
 /// Bytes before one of the four orders.
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) const fn order_offset(lanes: usize, order: usize) -> usize {
     (28 + order) * lanes
 }

@@ -31,7 +31,7 @@ use crate::trace::prepare_one::Readiness;
 use crate::trace::queues::{FLIGHT, Queues, Turn};
 use crate::trace::ray_state::{RayState, ScalarOutcome};
 use crate::trace::single::Single;
-use crate::trace::step::{RayTest, TestContext, TestLeaf, TraversalStack, ask_for, step};
+use crate::trace::step::{RayTest, TestContext, TestLeaf, TraversalStack, ask_for, step_in_turn};
 
 /// Rays through a scene on one thread. Geometries must be made for the set.
 pub(super) struct SceneStream<'a, T> {
@@ -310,7 +310,7 @@ impl<'a, T: SceneAnswer, L: Found<'a>, C: Counting> Compiled for Flying<'a, T, L
                 let mut stack = stack!(number);
                 // SAFETY: the caller's contract; the child is a node; stacks have the space.
                 let (child, top) = unsafe {
-                    step::<S>(&lane.ray_state, lane.lines, lane.child, &mut stack, lane.top)
+                    step_in_turn::<S>(&lane.ray_state, lane.lines, lane.child, &mut stack, lane.top)
                 };
                 (lane.child, lane.top) = (child, top);
                 ask_for::<S, L>(lane.lines, within.leaves, child);

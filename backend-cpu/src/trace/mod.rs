@@ -6,7 +6,7 @@
 //! accuracy `exact` triangles that are certainly no hit are rejected (`sieve.rs`), and the hits are
 //! those of [`splitplane_core::exact`].
 //!
-//! *Traversals*: `stream.rs` traces batches of rays and `single.rs` one ray per call, both by the
+//! *Traversals*: `stream.rs` traces batches of rays (by `turns.rs`) and `single.rs` one ray per call, both by the
 //! steps of `step.rs`; `packet` traces rays that go the same way. Rays that need more care go
 //! through the tree's own nodes (`walk.rs`), by the core's tests (`reference.rs`, `exact.rs`).
 
@@ -29,5 +29,6 @@ pub(crate) mod step;
 pub(crate) mod stream;
 mod supply;
 pub(crate) mod triangle_block;
+mod turns;
 pub(crate) mod walk;
 pub(crate) mod watertight;

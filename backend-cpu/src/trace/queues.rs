@@ -7,6 +7,7 @@ pub(crate) const FLIGHT: usize = 16;
 
 /// The lanes by what their rays wait for: one bit per lane, 16 bits for each [`Turn`]. In a
 /// register: memory would have to be written and read back in every step.
+#[derive(Clone, Copy)]
 pub(crate) struct Queues(u64);
 
 /// What a ray waits for.

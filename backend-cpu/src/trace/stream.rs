@@ -9,7 +9,6 @@
 use core::cell::RefCell;
 use std::collections::TryReserveError;
 
-use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::Accuracy;
 
 use super::batch::{Answers, RayBatch};
@@ -21,28 +20,18 @@ use super::prepare::{CHUNK, PreparedRays};
 use super::queues::{FLIGHT, Queues, Turn};
 use super::ray_state::RayState;
 use super::sieve::ExactLane;
-use super::step::{RayTest, TestContext, TestLeaf, TraversalStack, ask_for, step};
+use super::step::TestContext;
 use super::supply::Supply;
+use super::turns::{AtBlocks, AtNodes, Lane, Lanes};
 use crate::layout::wide_node::DONE;
 use crate::memory::{boxed, lengthen};
 use crate::simd::{Compiled, Simd};
 
-/// A ray under way.
-struct Lane {
-    ray_state: RayState,
-    /// Its current child.
-    child: u32,
-    /// Last entry of its stack.
-    top: usize,
-    best: BestHit,
-    exact: ExactLane,
-}
-
 /// Memory of the rays under way, kept between batches.
 struct Flight {
     lanes: Vec<Lane>,
-    children: Vec<u32>,
-    t: Vec<f32>,
+    /// Their stacks.
+    stacks: Vec<u32>,
     ready: PreparedRays,
     ray_states: [RayState; CHUNK],
     packet: Packet,
@@ -51,10 +40,10 @@ struct Flight {
 impl Flight {
     /// No rays, and no memory yet.
     fn new() -> Flight {
-        let (lanes, children, t) = (Vec::new(), Vec::new(), Vec::new());
+        let (lanes, stacks) = (Vec::new(), Vec::new());
         let (ready, ray_states, packet) =
             (PreparedRays::NONE, [RayState::none(); CHUNK], Packet::new());
-        Flight { lanes, children, t, ready, ray_states, packet }
+        Flight { lanes, stacks, ready, ray_states, packet }
     }
 
     /// Makes lanes, and stacks of `room` entries.
@@ -62,14 +51,21 @@ impl Flight {
     /// # Errors
     /// Less memory than that.
     fn make_room(&mut self, room: usize) -> Result<(), TryReserveError> {
-        let Flight { lanes, children, t, packet, .. } = self;
+        let Flight { lanes, stacks, packet, .. } = self;
         if lanes.is_empty() {
             let (ray_state, best, exact) = (RayState::none(), BestHit::NONE, ExactLane::idle());
             lanes.try_reserve_exact(FLIGHT)?;
-            lanes.resize_with(FLIGHT, || Lane { ray_state, child: DONE, top: 0, best, exact });
+            let stack = core::ptr::null_mut();
+            lanes.resize_with(FLIGHT, || Lane {
+                ray_state,
+                child: DONE,
+                top: 0,
+                best,
+                exact,
+                stack,
+            });
         }
-        lengthen(children, room * FLIGHT, DONE)?;
-        lengthen(t, room * FLIGHT, 0.0)?;
+        lengthen(stacks, 2 * room * FLIGHT, DONE)?;
         packet.make_room(room)
     }
 }
@@ -126,90 +122,47 @@ unsafe fn fly<S: Simd, L: Leaves>(
     let test = &TestContext { leaves, options, query, keep: KeepAll };
     let mut leaf_room = L::room();
     let room = layout.wide.stack();
-    let Flight { lanes, children, t, ready, ray_states, packet } = flight;
+    let Flight { lanes, stacks, ready, ray_states, packet } = flight;
     let exactly = options.accuracy == Accuracy::Exact;
     let bounds = [scene.bounds, layout.large.others];
     let mut supply = Supply { batch, next: 0, left: 0, ready, ray_states, packet };
     let mut queues = Queues::IDLE;
-    for state in lanes.iter_mut() {
-        state.ray_state.index = RayState::NO_RAY;
+    for (lane, stack) in lanes.iter_mut().zip(stacks.chunks_exact_mut(2 * room)) {
+        lane.ray_state.index = RayState::NO_RAY;
+        lane.stack = stack.as_mut_ptr();
     }
-    let lanes = &mut lanes[..FLIGHT];
-    let (children, t) = (children.as_mut_ptr(), t.as_mut_ptr());
-    macro_rules! stack {
-        ($lane:expr) => {
-            // SAFETY: lanes are below FLIGHT.
-            unsafe {
-                TraversalStack { children: children.add($lane * room), t: t.add($lane * room) }
-            }
-        };
-    }
-    let lines = lines.as_ptr();
+    let lanes = Lanes { lanes: lanes[..FLIGHT].as_mut_ptr(), room, lines: lines.as_ptr(), leaves };
     loop {
-        for lane in queues.take(Turn::Refill) {
+        for number in queues.take(Turn::Refill) {
             // SAFETY: lanes are below FLIGHT.
-            let state = unsafe { lanes.get_unchecked_mut(lane) };
-            if state.ray_state.index != RayState::NO_RAY {
-                let hit = if exactly { state.exact.hit(query) } else { state.best.hit };
-                answers.set(state.ray_state.index as usize, hit);
-                state.ray_state.index = RayState::NO_RAY;
+            let lane = unsafe { lanes.lane(number) };
+            if lane.ray_state.index != RayState::NO_RAY {
+                let hit = if exactly { lane.exact.hit(query) } else { lane.best.hit };
+                answers.set(lane.ray_state.index as usize, hit);
+                lane.ray_state.index = RayState::NO_RAY;
             }
             // SAFETY: the caller's contract.
             let Some(ray_state) = (unsafe { supply.next::<S>(answers) }) else { continue };
-            state.ray_state = *ray_state;
-            state.best = BestHit::NONE;
+            lane.ray_state = *ray_state;
+            lane.best = BestHit::NONE;
             if exactly {
                 let ray = &rays[ray_state.index as usize];
                 let exact = ExactLane::new(ray, ray_state, &bounds);
                 // Rays that can hit nothing are not handed out.
-                state.exact = exact.unwrap_or(ExactLane::idle());
+                lane.exact = exact.unwrap_or(ExactLane::idle());
             }
-            (state.child, state.top) = (0, 0);
-            let mut stack = stack!(lane);
+            (lane.child, lane.top) = (0, 0);
             // SAFETY: stacks have the space.
-            unsafe { stack.begin() };
-            queues.put(lane, 0);
+            unsafe { lanes.stack(lane).begin() };
+            queues.put(number, 0);
         }
         if queues.is_empty() {
             return;
         }
-        for lane in queues.take(Turn::Node) {
-            // SAFETY: lanes are below FLIGHT.
-            let state = unsafe { lanes.get_unchecked_mut(lane) };
-            let mut stack = stack!(lane);
-            // SAFETY: the caller's contract; the child is a node; stacks have the space.
-            let (child, top) =
-                unsafe { step::<S>(&state.ray_state, lines, state.child, &mut stack, state.top) };
-            (state.child, state.top) = (child, top);
-            ask_for::<S, L>(lines, leaves, child);
-            queues.put(lane, child);
-        }
-        for lane in queues.take(Turn::Block) {
-            // SAFETY: lanes are below FLIGHT.
-            let state = unsafe { lanes.get_unchecked_mut(lane) };
-            let mut stack = stack!(lane);
-            let Lane { ray_state, best, child, .. } = state;
-            let (room, exact) = (&mut leaf_room, exactly.then_some(&mut state.exact));
-            let tested = &mut RayTest { test, room, ray_state, best, exact };
-            // Not in a separate function: that would make rays that hit something a tenth slower
-            // here. SAFETY: the caller's contract; children name nodes or leaves; wide rays get no
-            // lane.
-            let better = unsafe { TestLeaf(*child, tested).run::<S>() };
-            if better {
-                if query == Query::Any {
-                    queues.put(lane, DONE);
-                    continue;
-                }
-                let stop = state.best.stop.min(state.ray_state.stop);
-                state.ray_state.stop = stop;
-                // SAFETY: the caller's contract; stacks have the space.
-                state.top = unsafe { stack.cull::<S>(state.top, stop) };
-            }
-            // SAFETY: entries that were written.
-            let child = unsafe { *stack.children.add(state.top) };
-            (state.child, state.top) = (child, state.top.wrapping_sub(1));
-            ask_for::<S, L>(lines, leaves, child);
-            queues.put(lane, child);
+        // SAFETY: the caller's contract; as many lanes as queues have.
+        unsafe {
+            queues = S::call(AtNodes(lanes, queues));
+            queues = S::call(AtBlocks { lanes, queues, test, room: &mut leaf_room, exactly });
         }
     }
 }

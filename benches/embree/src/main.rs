@@ -5,7 +5,13 @@
 //! One thread, one ray a call for Embree and whole batches for ours, CPU time. In a round everyone answers a set
 //! once, Embree first and last; a round's ratio is the mean of Embree's two times over ours, and the median of the rounds
 //! is printed. So what else the machine does disturbs both alike.
+//!
+//! What it cannot disturb at all is what callgrind counts, for each scene, set, query and contestant in a file of its own:
+//!
+//!     valgrind --tool=callgrind --instr-atstart=no --collect-atstart=no --branch-sim=yes --cache-sim=yes \
+//!         splitplane-embree --count --avx2 --rays 4096 SCENE.obj...
 
+mod callgrind;
 mod embree;
 mod rays;
 mod turns;
@@ -44,6 +50,12 @@ struct Options {
     /// Hold both to AVX2
     #[arg(long)]
     avx2: bool,
+    /// One ray a call for ours, too
+    #[arg(long)]
+    single: bool,
+    /// Count instead of measuring; for callgrind
+    #[arg(long)]
+    count: bool,
     /// The camera stands within the scene; otherwise the file's name decides
     #[arg(long)]
     interior: bool,
@@ -60,8 +72,17 @@ const ROOMS: [&str; 8] =
 
 fn main() -> ExitCode {
     let options = Options::parse();
+    // This thread alone: callgrind counts what the thread does that asks it to.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build();
+    let pool = match pool {
+        Ok(pool) => pool,
+        Err(problem) => {
+            eprintln!("splitplane-embree: {problem}");
+            return ExitCode::FAILURE;
+        }
+    };
     for scene in &options.scenes {
-        if let Err(problem) = measure(scene, &options) {
+        if let Err(problem) = measure(scene, &options, &pool) {
             eprintln!("splitplane-embree: {}: {problem}", scene.display());
             return ExitCode::FAILURE;
         }
@@ -69,7 +90,10 @@ fn main() -> ExitCode {
     ExitCode::SUCCESS
 }
 
-fn measure(path: &Path, options: &Options) -> Result<(), Problem> {
+fn measure(path: &Path, options: &Options, pool: &rayon::ThreadPool) -> Result<(), Problem> {
+    if options.count && !callgrind::is_here() {
+        return Err("only callgrind counts: start this with valgrind --tool=callgrind".into());
+    }
     let scene = Scene::open(path)?;
     let mesh = Mesh::indexed(&scene.positions, &scene.indices)?;
     let backend = CpuBackend::new();
@@ -92,7 +116,6 @@ fn measure(path: &Path, options: &Options) -> Result<(), Problem> {
         embree.version,
         isa.map_or(String::new(), |isa| format!(" with isa={isa}"))
     );
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     let mut contestants = vec![Contestant {
         name: "Embree".into(),
         closest: Box::new(|rays, hits| embree.closest(rays, hits)),
@@ -102,11 +125,19 @@ fn measure(path: &Path, options: &Options) -> Result<(), Problem> {
         let backend = CpuBackend::with_instruction_set(set);
         let tree = pool
             .install(|| backend.build_accelerator(&mesh, &BuildOptions::from(preset.config())))?;
-        contestants.push(ours(preset.name().into(), tree, &pool));
+        contestants.push(if options.single {
+            one_by_one(preset.name().into(), tree)
+        } else {
+            ours(preset.name().into(), tree, pool)
+        });
     }
     for (name, rays) in rays::SETS.into_iter().zip(&sets) {
         if options.sets.iter().any(|asked| asked == name) {
             let rays = some(rays, options.rays);
+            if options.count {
+                turns::count(&scene.name, name, &rays, &contestants);
+                continue;
+            }
             let tolerance = 1e-4 * diagonal(&scene);
             contest(name, &rays, &contestants, options.rounds, tolerance)?;
         }
@@ -133,6 +164,26 @@ fn ours(
     let any = move |rays: &[Ray], found: &mut [bool]| {
         pool.install(|| same.any_hits(rays, found, &QueryOptions::default()))
             .expect("as many answers as rays");
+    };
+    Contestant { name, closest: Box::new(closest), any: Box::new(any) }
+}
+
+/// A tree of ours that gets one ray a call.
+fn one_by_one(name: String, tree: splitplane_cpu::CpuAccelerator) -> Contestant<'static> {
+    let tree = std::sync::Arc::new(tree);
+    let same = tree.clone();
+    let closest = move |rays: &[Ray], found: &mut Answers| {
+        let options = QueryOptions::default();
+        for (found, ray) in found.iter_mut().zip(rays) {
+            let hit = tree.closest_hit(ray, &options).unwrap_or(Hit::MISS);
+            *found = (hit.t, hit.triangle);
+        }
+    };
+    let any = move |rays: &[Ray], found: &mut [bool]| {
+        let options = QueryOptions::default();
+        for (found, ray) in found.iter_mut().zip(rays) {
+            *found = same.any_hit(ray, &options);
+        }
     };
     Contestant { name, closest: Box::new(closest), any: Box::new(any) }
 }

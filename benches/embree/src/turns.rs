@@ -4,6 +4,8 @@ use std::time::Duration;
 
 use splitplane_core::ray::Ray;
 
+use crate::callgrind;
+
 /// Distance (infinity for none) and triangle of each ray's hit.
 pub(crate) type Answers = [(f32, u32)];
 
@@ -52,6 +54,17 @@ pub(crate) fn contest(
         }
     }
     Ok(())
+}
+
+/// Has everyone answer the rays under callgrind, which writes a file of counts for each.
+pub(crate) fn count(scene: &str, set: &str, rays: &[Ray], all: &[Contestant<'_>]) {
+    let mut found = vec![(f32::INFINITY, u32::MAX); rays.len()];
+    let mut hit = vec![false; rays.len()];
+    for one in all {
+        let name = |query: &str| format!("{scene} {set} {query} {}: {} rays", one.name, rays.len());
+        callgrind::count(&name("closest"), || (one.closest)(rays, &mut found));
+        callgrind::count(&name("any"), || (one.any)(rays, &mut hit));
+    }
 }
 
 /// Seconds of everyone in each round; for the first one the mean of a turn at the start and one at the end.
