@@ -15,6 +15,8 @@ let about = null;
 let opened = null;
 let last = {};
 let isReady = false;
+/** The depth of the boxes, as the visitor has chosen it. */
+let wantedDepth = 4;
 
 const milliseconds = (time) => (time < 10_000 ? `${time.toFixed(time < 10 ? 1 : 0)} ms` : `${(time / 1000).toFixed(1)} s`);
 const whole = (number) => number.toLocaleString("en");
@@ -183,6 +185,8 @@ const hears = {
     },
     built({ preset, took, digest, nodes, references, bytes, deepest }) {
         $("boxes").max = deepest;
+        // A shallow tree does not change what is wanted of the next one.
+        $("boxes").value = wantedDepth;
         $("boxes-told").value = $("boxes").value;
         offerGpu(false);
         $("built").textContent = milliseconds(took);
@@ -419,6 +423,7 @@ for (const input of document.querySelectorAll('input[name="backend"]')) input.ad
 const REDRAW = 'input[name="view"], input[name="accuracy"], input[name="by"], #lights, #show-boxes, #judges';
 for (const input of document.querySelectorAll(REDRAW)) input.addEventListener("change", draw);
 $("boxes").addEventListener("input", () => {
+    wantedDepth = Number($("boxes").value);
     $("boxes-told").value = $("boxes").value;
     $("show-boxes").checked = true;
     draw();
