@@ -8,8 +8,10 @@
 //!
 //! What it cannot disturb at all is what callgrind counts, for each scene, set, query and contestant in a file of its own:
 //!
-//!     valgrind --tool=callgrind --instr-atstart=no --collect-atstart=no --branch-sim=yes --cache-sim=yes \
-//!         splitplane-embree --count --avx2 --rays 4096 SCENE.obj...
+//! ```text
+//! valgrind --tool=callgrind --instr-atstart=no --collect-atstart=no --branch-sim=yes --cache-sim=yes \
+//!     splitplane-embree --count --avx2 --rays 4096 SCENE.obj...
+//! ```
 
 mod callgrind;
 mod embree;
