@@ -107,7 +107,7 @@ pub fn snapped(transform: &Transform) -> Transform {
     snapped
 }
 
-/// Where a [snapped](snapped) transform moves a position: `((m_0 x + m_1 y) + m_2 z) + m_3`, row by row, each operation rounded, and numbers
+/// Where a [snapped] transform moves a position: `((m_0 x + m_1 y) + m_2 z) + m_3`, row by row, each operation rounded, and numbers
 /// below 2^-126 being +0.
 #[inline]
 pub fn moved(transform: &Transform, position: [f32; 3]) -> [f32; 3] {
