@@ -1,7 +1,6 @@
 //! Scenes of many objects: geometries, instances of them, and how they move.
 
 mod boxes;
-#[cfg(feature = "json")]
 mod cutout;
 #[cfg(feature = "json")]
 mod file;
