@@ -362,7 +362,7 @@ impl WgpuBackend {
     /// the scene is sent to it is an error too, and the scene then needs another update.
     ///
     /// # Errors
-    /// As for [`Backend::build_scene`]; without one of those above, the scene is what it was.
+    /// As for [`Backend::build_scene`]. After any other error than that one the scene is what it was.
     pub async fn update_scene_async(
         &self,
         built: &mut WgpuScene,

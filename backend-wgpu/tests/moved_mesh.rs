@@ -69,7 +69,7 @@ impl Case {
     }
 
     /// The first vertex that a device moves elsewhere.
-    fn first_difference(&self, backend: &WgpuBackend, moved: &MovedMesh) -> Option<usize> {
+    fn first_difference(&self, backend: &WgpuBackend, moved: &mut MovedMesh) -> Option<usize> {
         self.poses.iter().find_map(|pose| {
             let mesh = moved.place(pose).expect("vertices");
             let bytes = 12 * u64::from(mesh.vertices);
@@ -96,8 +96,8 @@ fn cases() -> Vec<Case> {
 fn vertices_have_the_bits_of_the_cpus() {
     let backend = backend();
     for case in cases() {
-        let moved = case.on(&backend);
-        assert_eq!(case.first_difference(&backend, &moved), None);
+        let mut moved = case.on(&backend);
+        assert_eq!(case.first_difference(&backend, &mut moved), None);
     }
 }
 
@@ -115,7 +115,7 @@ fn trees_of_moved_vertices() {
         let groups = case.poses[0].len();
         let pose = |by: f32| (0..groups).map(|g| translation([by, g as f32, -by])).collect();
         case.poses = vec![pose(0.25), pose(-3.0), vec![IDENTITY; groups]];
-        let moved = case.on(&backend);
+        let mut moved = case.on(&backend);
         let before = backend.gpu().traffic();
         let mut pending = Vec::new();
         for pose in &case.poses {
@@ -151,8 +151,8 @@ fn what_does_not_fit_is_refused() {
     assert_eq!(refused(&[0], 1), MoveError::Counts { what, found: 1, vertices });
     let error = refused(&case.group_of, 4);
     assert_eq!(error, MoveError::Group { vertex: 28, group: 4, transforms: 4 });
-    let moved = case.on(&backend);
-    let refused = |transforms: &[Transform]| match moved.place(transforms) {
+    let mut moved = case.on(&backend);
+    let mut refused = |transforms: &[Transform]| match moved.place(transforms) {
         Err(MovedMeshError::Move(error)) => error,
         other => panic!("{other:?}"),
     };
@@ -161,7 +161,7 @@ fn what_does_not_fit_is_refused() {
     far[3][1][3] = f32::INFINITY;
     assert_eq!(refused(&far), MoveError::Transform { transform: 3 });
     // Nothing has happened to it.
-    assert_eq!(case.first_difference(&backend, &moved), None);
+    assert_eq!(case.first_difference(&backend, &mut moved), None);
     // More than one binding holds.
     let [(device, queue), _] = common::host_devices(&wgpu::Limits {
         max_storage_buffer_binding_size: 4096,
@@ -171,7 +171,7 @@ fn what_does_not_fit_is_refused() {
     let error = short.moved_mesh(&mesh, &case.group_of, 5).expect_err("a limit");
     assert!(error.to_string().contains("positions at rest needs"), "{error}");
     // No vertex at all.
-    let none = backend.moved_mesh(&scenes::none().mesh(), &[], 0).expect("an empty mesh");
+    let mut none = backend.moved_mesh(&scenes::none().mesh(), &[], 0).expect("an empty mesh");
     let DeviceMesh { vertices, triangles, .. } = none.place(&[]).expect("nothing to move");
     assert_eq!((vertices, triangles), (0, 0));
 }
@@ -194,9 +194,9 @@ fn planted_faults_are_seen() {
         let planted = shader.replace(from, to);
         assert!(planted != shader, "the text to change is gone: {from}");
         let seen = cases().iter().any(|case| {
-            let moved = case.on(&backend);
+            let mut moved = case.on(&backend);
             moved.replace_kernel(Some(planted.clone()));
-            case.first_difference(&backend, &moved).is_some()
+            case.first_difference(&backend, &mut moved).is_some()
         });
         assert!(seen, "{to}");
     }

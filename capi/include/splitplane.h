@@ -48,7 +48,7 @@ enum splitplane_status
     SPLITPLANE_STATUS_MESH = 11,
     // A scene has no geometry or instance of this number.
     SPLITPLANE_STATUS_UNKNOWN_ID = 12,
-    // A scene cannot have this: a transform that is not finite or has no inverse, a geometry that is removed while it has instances, a mesh where there are shapes.
+    // A scene cannot have this: a transform that is not finite or has no inverse, a geometry that is removed while it has instances, a mesh or a mask where there are shapes.
     SPLITPLANE_STATUS_SCENE = 13,
     // A tree would be too large for its format.
     SPLITPLANE_STATUS_BUILD = 14,
@@ -480,7 +480,7 @@ typedef void (*splitplane_intersect)(void *user,
                                      splitplane_show_hit show,
                                      void *to);
 
-// Told that nothing uses `user` any more. Called once, by any thread.
+// Told that nothing uses `user` any more. Called once, by any thread, maybe in the middle of a call that changes the scene: it must not throw or `longjmp`, and calls for that scene are `SPLITPLANE_STATUS_BUSY`.
 typedef void (*splitplane_release)(void *user);
 
 // A set of shapes. Hits name a shape as they do a triangle. One with a number that is not finite, a radius that is not more than 0 or a box that is empty is left out.

@@ -63,7 +63,7 @@ pub type IntersectFunction = Option<
     ),
 >;
 
-/// Told that nothing uses `user` any more. Called once, by any thread.
+/// Told that nothing uses `user` any more. Called once, by any thread, maybe in the middle of a call that changes the scene: it must not throw or `longjmp`, and calls for that scene are `SPLITPLANE_STATUS_BUSY`.
 pub type ReleaseFunction = Option<unsafe extern "C" fn(user: *mut c_void)>;
 
 /// A set of shapes. Hits name a shape as they do a triangle. One with a number that is not finite, a radius that is not more than 0 or a box that is empty is left out.

@@ -36,7 +36,7 @@ pub enum Status {
     Mesh = 11,
     /// A scene has no geometry or instance of this number.
     UnknownId = 12,
-    /// A scene cannot have this: a transform that is not finite or has no inverse, a geometry that is removed while it has instances, a mesh where there are shapes.
+    /// A scene cannot have this: a transform that is not finite or has no inverse, a geometry that is removed while it has instances, a mesh or a mask where there are shapes.
     Scene = 13,
     /// A tree would be too large for its format.
     Build = 14,

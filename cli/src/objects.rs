@@ -64,8 +64,7 @@ impl ObjectStage {
     ) -> Result<ObjectStage, Failure> {
         note_scene(common, &scene);
         let spinner = progress::spinner(common.quiet, "placing camera and lights");
-        let config = common.build_options()?.config;
-        let tree = CpuBackend::new().build(&scene.mesh()?, &BuildOptions::from(config))?;
+        let tree = CpuBackend::new().build(&scene.mesh()?, &common.build_options()?)?;
         let placed = look.place(&mut scene, &*tree)?;
         spinner.finish_and_clear();
         // The device of `auto` would have the CPU find what rays enter.

@@ -392,7 +392,7 @@ impl Tracer {
     }
 
     /// As [`Tracer::frame`], without blocking while a GPU works: its outputs come along, and the [`Frame`] waits for nothing. A frame of accuracy `exact` blocks
-    /// between its waves, which a browser refuses. On the CPU the frame is rendered at once. Dropped before its end, it leaves the tracer as it is.
+    /// between its waves, and so does one that the CPU shades ([`Tracer::shading`]), which a browser refuses. On the CPU the frame is rendered at once. Dropped before its end, it leaves the tracer as it is.
     ///
     /// # Errors
     /// As for [`Tracer::frame`].

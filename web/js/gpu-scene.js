@@ -93,7 +93,7 @@ export class GpuScene {
             into.words.set(found);
             return into;
         } finally {
-            words.free();
+            if (!hasCrashed()) words.free();
         }
     }
 

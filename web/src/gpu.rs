@@ -201,7 +201,7 @@ impl GpuTree {
         }))
     }
 
-    /// All crossings of rays of 8 words, in order, and exactly: a promise of an [`Crossings`]. What the device leaves is decided here, in one piece.
+    /// All crossings of rays of 8 words, in order, and exactly: a promise of [`Crossings`]. What the device leaves is decided here, in one piece.
     #[wasm_bindgen(js_name = allHits)]
     pub fn all_hits(
         &self,

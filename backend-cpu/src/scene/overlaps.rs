@@ -1,8 +1,5 @@
 //! Overlaps with a scene on all threads: a volume at a time, answers in the order of the volumes.
 
-use std::sync::atomic::AtomicU64;
-use std::sync::atomic::Ordering::Relaxed;
-
 use rayon::prelude::*;
 use splitplane_core::backend::scene::{SceneOverlapOptions, SceneOverlaps};
 use splitplane_core::error::QueryError;
@@ -17,39 +14,36 @@ use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
 const TASK: usize = 8;
 
 impl CpuScene {
-    /// The triangles that each volume meets.
+    /// The triangles that each volume meets. With a limit of memory on the calling thread, so that whether it suffices depends on no thread.
     pub(super) fn find_overlaps(
         &self,
         volumes: &[Volume<'_>],
         options: &SceneOverlapOptions<'_>,
     ) -> Result<SceneOverlaps, QueryError> {
+        if options.max_memory.is_some() {
+            return self.built.overlaps(volumes, options);
+        }
         let meter = &ProgressMeter::of(options.watch);
         meter.begin_stage(Stage::Rays, volumes.len() as u64);
-        // What threads hold together counts against the limit.
-        let held = AtomicU64::new(0);
+        let own = &SceneOverlapOptions { watch: None, ..*options };
         let parts = volumes.par_chunks(TASK).map(|volumes| {
             let mut part = SceneOverlaps::default();
             for volume in volumes.chunks(1) {
                 if meter.is_cancelled() {
                     break;
                 }
-                let left = options.max_memory.map(|limit| limit.saturating_sub(held.load(Relaxed)));
-                let own = SceneOverlapOptions { max_memory: left, watch: None, ..*options };
-                let found = self.built.overlaps(volume, &own)?;
-                let before = part.bytes();
-                part.append(found, None)?;
-                held.fetch_add(part.bytes() - before, Relaxed);
+                part.append(self.built.overlaps(volume, own)?, None)?;
                 meter.advance(1);
                 meter.record_work(WORK_BETWEEN_CHECKS);
             }
             Ok(part)
         });
-        let parts: Vec<Result<SceneOverlaps, QueryError>> = parts.collect();
+        let parts = parts.collect::<Result<Vec<SceneOverlaps>, QueryError>>()?;
         meter.finish_stage();
         meter.check_batch()?;
         let mut all = SceneOverlaps::default();
         for part in parts {
-            all.append(part?, options.max_memory)?;
+            all.append(part, None)?;
         }
         Ok(all)
     }

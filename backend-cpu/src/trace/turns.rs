@@ -28,7 +28,7 @@ pub(super) struct Lane {
     pub stack: *mut u32,
 }
 
-/// The rays under way and what they go through. A pointer without bounds: every step reads and writes here.
+/// The rays under way and what they go through. Pointers without checks of bounds, since every step reads and writes here.
 #[derive(Clone, Copy)]
 pub(super) struct Lanes<L> {
     /// [`FLIGHT`] rays.

@@ -100,7 +100,7 @@ impl MovedMesh {
     /// # Errors
     /// Another number of transforms than of groups, one that is not finite or moves vertices too far, a device that fails. The
     /// vertices stand where they stood.
-    pub fn place(&self, transforms: &[Transform]) -> Result<DeviceMesh<'_>, MovedMeshError> {
+    pub fn place(&mut self, transforms: &[Transform]) -> Result<DeviceMesh<'_>, MovedMeshError> {
         if transforms.len() != self.groups {
             let (found, groups) = (transforms.len(), self.groups);
             return Err(MoveError::Transforms { found, groups }.into());

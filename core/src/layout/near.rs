@@ -35,15 +35,15 @@ impl NearBatch {
     pub const CERTAIN: u32 = 1 << 31;
     /// Rows of four words of a volume.
     pub const VOLUME_ROWS: u32 = 4;
-    /// Kinds of volumes: a box.
+    /// Kind of a volume: a box.
     pub const KIND_BOX: u32 = 0;
-    /// A ball.
+    /// Kind of a volume: a ball.
     pub const KIND_BALL: u32 = 1;
-    /// What is in all of some half-spaces.
+    /// Kind of a volume: what is in all of some half-spaces.
     pub const KIND_PLANES: u32 = 2;
-    /// Something else, within a box and some half-spaces.
+    /// Kind of a volume: something else, within a box and some half-spaces.
     pub const KIND_WITHIN: u32 = 3;
-    /// One about which nothing is asked: it is [`NearBatch::OVERFULL`].
+    /// Kind of a volume about which nothing is asked: it is [`NearBatch::OVERFULL`].
     pub const KIND_NONE: u32 = 4;
     /// Most triangles that are kept of a point, of which one is the closest.
     pub const CLOSEST: u32 = 14;

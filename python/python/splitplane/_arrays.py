@@ -224,12 +224,20 @@ def room(shape: tuple[int, ...], dtype: Any) -> npt.NDArray[Any]:
         raise OutOfMemoryError(f"there is no memory for results of shape {shape}: {error}") from error
 
 
+def _share(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> bool:
+    """Whether strided arrays share memory. Where finding out takes long, whether their ranges overlap."""
+    try:
+        return bool(np.shares_memory(one, other, max_work=10_000))
+    except RuntimeError:
+        return bool(np.may_share_memory(one, other))
+
+
 def given(
     columns: dict[str, Any], leading: tuple[int, ...], dtypes: tuple[Any, ...], asked: npt.NDArray[Any], strided: bool = False
 ) -> list[npt.NDArray[Any]]:
     """Arrays of the caller's that take results of a shape, flat unless they may be strided. They must not overlap, nor what is asked."""
     own: list[npt.NDArray[Any]] = []
-    shares = np.shares_memory if strided else np.may_share_memory
+    shares = _share if strided else np.may_share_memory
     for (name, array), dtype in zip(columns.items(), dtypes):
         if not isinstance(array, np.ndarray) or array.dtype != dtype:
             found = array.dtype if isinstance(array, np.ndarray) else type(array).__name__
@@ -239,6 +247,8 @@ def given(
         if not array.flags.aligned or not array.flags.writeable or not (strided or array.flags.c_contiguous):
             wanted = "aligned and writeable" if strided else "contiguous in the order of C, aligned, and writeable"
             raise ShapeError(f"{name} must be {wanted}")
+        if any(stride == 0 and length > 1 for stride, length in zip(array.strides, array.shape)):
+            raise ShapeError(f"{name} has elements that are one in memory")
         if any(shares(array, other) for other in (asked, *own)):
             raise ShapeError(f"{name} overlaps another array of this call")
         own.append(array if strided else array.reshape(-1))

@@ -217,9 +217,15 @@ impl OnGpu {
 
     /// The same without blocking. Compressing blocks, so the tree has no compressed nodes.
     async fn finish_rebuild_async(&mut self) -> Result<(), TracerError> {
-        let Some(mut building) = self.building.take() else { return Ok(()) };
+        if self.building.is_none() {
+            return Ok(());
+        }
         self.settle_async().await;
-        let built = building.wait_async().await?;
+        // Left in its place, so that nothing is lost where this is dropped in the middle.
+        let Some(building) = &mut self.building else { return Ok(()) };
+        let built = building.wait_async().await;
+        self.building = None;
+        let built = built?;
         self.take(Tree::OnDevice(Box::new(built.tree), built.summary));
         Ok(())
     }
@@ -345,6 +351,10 @@ impl OnGpu {
         &mut self,
         input: &FrameInput<'_>,
     ) -> Result<FrameStats, TracerError> {
+        #[cfg(feature = "cpu")]
+        if self.is_for_host(input) {
+            return self.frame_by_host(input);
+        }
         self.finish_rebuild_async().await?;
         self.settled = None;
         Ok(self.renderer.render_for_host_async(self.tree.on_device(), input).await?)

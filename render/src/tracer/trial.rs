@@ -39,7 +39,7 @@ impl RayTrial {
 impl Tracer {
     /// Times a wave of a frame's rays on the GPU and on the CPU, over the same tree: rays as the surfaces that the camera sees scatter them.
     /// `None` where the CPU traces anyway, where the GPU shades too, and where the tree is on the GPU alone. Results of frames do not
-    /// depend on who traces.
+    /// depend on who traces. Holds a copy of the tree and of what queries of the CPU read, without a limit.
     ///
     /// # Errors
     /// Settings out of range, a backend that fails, or a watch that cancels.

@@ -29,8 +29,10 @@ use crate::error::GpuError;
 
 /// Interval between two calls of the watch.
 const POLL_INTERVAL: Duration = Duration::from_micros(500);
-/// Fewest queries of a slice for which room is made.
+/// Fewest queries of a slice for which room is made, where what comes back of each is short.
 const LEAST_SLICE: usize = 64;
+/// Bytes of what is short.
+const SHORT: u64 = 256;
 
 impl DeviceSet for NearQueries {
     /// Whether the triangles go on in a second binding.
@@ -71,6 +73,25 @@ impl Asked {
     /// Bytes of a query.
     fn query_bytes(&self) -> u64 {
         16 * self.rows as u64
+    }
+
+    /// Most queries of a slice, where a buffer may have so many bytes.
+    fn most(&self, buffer_limit: u64) -> u32 {
+        let each = self.result_bytes().max(self.query_bytes());
+        (buffer_limit / each).clamp(1, u64::from(SliceRays::MOST)) as u32
+    }
+
+    /// For how many queries room is made for a slice of `count`: later slices of short answers find room, long answers take what they need.
+    fn room_for(&self, count: usize, buffer_limit: u64) -> usize {
+        match self.is_short() {
+            true => count.max(LEAST_SLICE.min(self.most(buffer_limit) as usize)),
+            false => count,
+        }
+    }
+
+    /// Whether what comes back of a query is short.
+    fn is_short(&self) -> bool {
+        self.result_bytes() <= SHORT
     }
 }
 
@@ -149,9 +170,8 @@ impl WgpuAccelerator {
         mut answer: impl FnMut(Range<usize>, &[u8]) -> Result<(), QueryError>,
     ) -> Result<(), QueryError> {
         Wait::Blocking.check()?;
-        let each = asked.result_bytes().max(asked.query_bytes());
-        let most = (self.queries.buffer_limit() / each).clamp(1, u64::from(SliceRays::MOST));
-        let mut size = self.queries.near_slices.first(most as u32);
+        let most = asked.most(self.queries.buffer_limit());
+        let mut size = self.queries.near_slices.first(most);
         let (mut next, mut pending) = (0, None);
         // Sets whose work is done.
         let mut free: Vec<Staging> = Vec::new();
@@ -174,7 +194,7 @@ impl WgpuAccelerator {
                 Some(Pending { set, queries, since, .. }) => {
                     let bytes = queries.len() as u64 * asked.result_bytes();
                     let words = self.queries.gpu().read_mapped(&set.readback, bytes)?;
-                    size = SliceRays::after(size, since.elapsed(), most as u32);
+                    size = SliceRays::after(size, since.elapsed(), most);
                     free.push(set);
                     Some((queries, words))
                 }
@@ -189,7 +209,9 @@ impl WgpuAccelerator {
                 asking.check()?;
             }
         }
-        self.queries.near_slices.keep(size);
+        if asked.is_short() {
+            self.queries.near_slices.keep(size);
+        }
         Ok(())
     }
 
@@ -207,7 +229,8 @@ impl WgpuAccelerator {
                 Some(set) => set,
                 None => {
                     can_be_bound(gpu, "the half-spaces of volumes", more as u64)?;
-                    Staging::new(gpu, count.max(LEAST_SLICE), more.next_power_of_two(), asked)?
+                    let room = asked.room_for(count, self.queries.buffer_limit());
+                    Staging::new(gpu, room, more.next_power_of_two(), asked)?
                 }
             };
             let uniform = uniform(count, asked, self.device.bounds());
@@ -283,5 +306,33 @@ impl Queries {
     #[doc(hidden)]
     pub fn replace_near_kernel(&self, kernel: NearKernel, source: Option<String>) {
         self.pipelines.replace::<NearQueries>(kernel, source);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// No slice takes more than a buffer may have, however long its answers are.
+    #[test]
+    fn room_is_within_what_a_buffer_may_have() {
+        let limit = 128 << 20;
+        for room in [16, 64, 65, 1 << 16, 600_001, 1 << 20] {
+            let kernel = NearKernel::OverlappedTriangles;
+            let asked = Asked { kernel, room, rows: 4, ignore: None, any: false };
+            let most = asked.most(limit) as usize;
+            for count in [1, 2, most.min(20), most] {
+                let made = asked.room_for(count.min(most), limit);
+                assert!(made >= count.min(most) && made as u64 * asked.result_bytes() <= limit);
+            }
+        }
+        let asked = |room| Asked {
+            kernel: NearKernel::OverlappedTriangles,
+            room,
+            rows: 4,
+            ignore: None,
+            any: false,
+        };
+        assert_eq!([asked(16).room_for(1, limit), asked(600_001).room_for(1, limit)], [64, 1]);
     }
 }

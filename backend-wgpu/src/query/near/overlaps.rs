@@ -52,14 +52,14 @@ impl WgpuAccelerator {
         for volumes in volumes.chunks(many(options)) {
             let left = options.max_memory.map(|most| most.saturating_sub(all.bytes()));
             let within_left = OverlapOptions { max_memory: left, ..*options };
-            let (lists, unfinished) = self.lists_of(volumes, &within_left, asking)?;
+            let (mut lists, unfinished) = self.lists_of(volumes, &within_left, asking)?;
             all.report.unfinished += unfinished;
             // The host answers the rest, a few at a time.
-            for (volumes, lists) in volumes.chunks(FEW).zip(lists.chunks(FEW)) {
+            for (volumes, lists) in volumes.chunks(FEW).zip(lists.chunks_mut(FEW)) {
                 asking.check()?;
                 let found: Vec<Result<Option<Vec<u32>>, QueryError>> = volumes
                     .par_iter()
-                    .zip(lists)
+                    .zip(&*lists)
                     .map(|(volume, list)| match list {
                         Some(_) => Ok(None),
                         None => self.on_host(volume, false, options).map(Some),
@@ -68,7 +68,7 @@ impl WgpuAccelerator {
                 for (found, list) in found.into_iter().zip(lists) {
                     let found = found?;
                     all.report.answered_by_cpu += u64::from(found.is_some());
-                    let own = found.or_else(|| list.clone()).unwrap_or_default();
+                    let own = found.or_else(|| list.take()).unwrap_or_default();
                     all.push(own, options.max_memory)?;
                 }
                 asking.advance(volumes.len());
@@ -94,7 +94,8 @@ impl WgpuAccelerator {
             let mut said = open(volumes.len())?;
             if self.may_ask() {
                 let asked = asked(ROOM, true, options);
-                self.ask_volumes(volumes, &asked, None, options, asking, &mut said)?;
+                let said = (&mut said[..], &mut 0);
+                self.ask_volumes(volumes, &asked, None, options, asking, said)?;
             }
             let counts: Result<Vec<[u64; 2]>, QueryError> = volumes
                 .par_chunks(FEW)
@@ -151,8 +152,11 @@ impl WgpuAccelerator {
     ) -> Result<(Vec<Option<Vec<u32>>>, u64), QueryError> {
         let mut said = open(volumes.len())?;
         if self.may_ask() {
+            // Bytes of all lists.
+            let mut held = 0;
             let first = asked(ROOM, false, options);
-            self.ask_volumes(volumes, &first, None, options, asking, &mut said)?;
+            let all = (&mut said[..], &mut held);
+            self.ask_volumes(volumes, &first, None, options, asking, all)?;
             // Then those with longer lists, in runs of lists that are about as long.
             let most = self.most_words(options);
             let mut longer: Vec<(usize, usize)> = Vec::new();
@@ -171,7 +175,8 @@ impl WgpuAccelerator {
                 let run = &longer[next..end];
                 let places: Vec<usize> = run.iter().map(|&(_, place)| place).collect();
                 let again = asked(run[run.len() - 1].0 as u32, false, options);
-                self.ask_volumes(volumes, &again, Some(&places), options, asking, &mut said)?;
+                let all = (&mut said[..], &mut held);
+                self.ask_volumes(volumes, &again, Some(&places), options, asking, all)?;
                 next = end;
             }
         }
@@ -190,7 +195,8 @@ impl WgpuAccelerator {
         (MOST_WORDS as u64).min(by_caller).min(by_device) as usize
     }
 
-    /// Asks the device about volumes, all of them or those at some places, and decides what it leaves open of their triangles.
+    /// Asks the device about volumes, all of them or those at some places, and decides what it leaves open of their triangles. `held` counts the bytes of
+    /// lists.
     fn ask_volumes(
         &self,
         volumes: &[Volume<'_>],
@@ -198,12 +204,11 @@ impl WgpuAccelerator {
         places: Option<&[usize]>,
         options: &OverlapOptions<'_>,
         asking: &Asking<'_>,
-        said: &mut [Said],
+        (said, held): (&mut [Said], &mut u64),
     ) -> Result<(), QueryError> {
         let place = |number: usize| places.map_or(number, |places| places[number]);
         let rows = |range: Range<usize>| self.rows_of(range.map(|number| &volumes[place(number)]));
         let count = places.map_or(volumes.len(), <[usize]>::len);
-        let mut held = 0;
         self.ask_near(count, asked, asking, rows, |range, bytes| {
             let answers: Vec<Result<Said, QueryError>> = range
                 .clone()
@@ -215,8 +220,8 @@ impl WgpuAccelerator {
                 let answer = answer?;
                 if let Said::Triangles(list) = &answer {
                     // The answers to all volumes have no fewer.
-                    held += size_of_val(&list[..]) as u64;
-                    check_bytes(held, options.max_memory)?;
+                    *held += size_of_val(&list[..]) as u64;
+                    check_bytes(*held, options.max_memory)?;
                 }
                 said[place(number)] = answer;
             }
@@ -259,7 +264,7 @@ impl WgpuAccelerator {
             NearBatch::ENDED_EARLY => return Ok(Said::Unfinished),
             NearBatch::OVERFULL => return Ok(Said::Open),
             // Any one will do.
-            NearBatch::MET => return Ok(Said::Triangles(vec![0])),
+            NearBatch::MET if asked.any => return Ok(Said::Triangles(vec![0])),
             _ => {}
         }
         let (room, count) = (asked.room as usize - 1, count as usize);

@@ -215,6 +215,11 @@ fn slab_of(corners: [[f32; 3]; 3], unit: f32) -> Vec<[f32; 4]> {
     // How far the other corners are off by the normal's rounding to `f32`.
     let own = normal.map(|x| f64::from(x as f32));
     let off = |corner: Vector| (dot(own, difference(corner, a)) * scale).abs();
-    let reach = off(b).max(off(c)) * (1.0 + FEW);
+    // What is summed may cancel, so the error is in proportion to the sides.
+    let side = |corner: Vector| {
+        let side = difference(corner, a);
+        dot(side, side).sqrt() * scale
+    };
+    let reach = off(b).max(off(c)) + (side(b) + side(c)) * FEW;
     [normal, normal.map(|x| -x)].into_iter().map(|normal| half_space(normal, reach)).collect()
 }

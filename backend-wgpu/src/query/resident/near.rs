@@ -42,12 +42,16 @@ pub(super) fn closest_points(
     Ok(report)
 }
 
-/// The triangles that each volume meets.
+/// The triangles that each volume meets. With a limit of memory on the calling thread, so that whether it suffices depends on no thread. The CPU backend's
+/// `scene/overlaps.rs` is the same by another meter.
 pub(super) fn overlaps(
     scene: &BuiltScene,
     volumes: &[Volume<'_>],
     options: &SceneOverlapOptions<'_>,
 ) -> Result<SceneOverlaps, QueryError> {
+    if options.max_memory.is_some() {
+        return scene.overlaps(volumes, options);
+    }
     let asking = &Asking::new(options.watch, volumes.len());
     asking.check()?;
     let own = &SceneOverlapOptions { watch: None, ..*options };
@@ -55,15 +59,15 @@ pub(super) fn overlaps(
         let mut part = SceneOverlaps::default();
         for volume in volumes.chunks(1) {
             asking.check()?;
-            part.append(scene.overlaps(volume, own)?, options.max_memory)?;
+            part.append(scene.overlaps(volume, own)?, None)?;
             asking.advance(1);
         }
         Ok(part)
     });
-    let parts: Vec<Result<SceneOverlaps, QueryError>> = parts.collect();
+    let parts = parts.collect::<Result<Vec<SceneOverlaps>, QueryError>>()?;
     let mut all = SceneOverlaps::default();
     for part in parts {
-        all.append(part?, options.max_memory)?;
+        all.append(part, None)?;
     }
     asking.check()?;
     Ok(all)

@@ -2,6 +2,8 @@
 
 use super::density::Disks;
 use crate::vector::Vector;
+#[cfg(feature = "wgpu")]
+use splitplane_core::error::DeviceError;
 use splitplane_core::error::QueryError;
 use splitplane_core::points::build::{PointBuildError, PointOptions};
 use splitplane_core::points::nearest::{NearestOptions, Neighbour};
@@ -33,8 +35,18 @@ impl PointTrees {
             PointTrees::Cpu => Ok(PhotonTree::Cpu(CpuPointTree::build(places, options)?)),
             #[cfg(feature = "wgpu")]
             PointTrees::Device(queries) => {
-                let tree = WgpuPointTree::build(Arc::clone(queries), places, options)?;
-                Ok(PhotonTree::Device(tree))
+                let on_cpu = || Ok(PhotonTree::Cpu(CpuPointTree::build(places, options)?));
+                if !queries.is_certain() {
+                    return on_cpu();
+                }
+                match WgpuPointTree::build(Arc::clone(queries), places, options) {
+                    Ok(tree) => Ok(PhotonTree::Device(tree)),
+                    // More photons than the device has room for. The tree of the CPU has the same answers.
+                    Err(PointBuildError::Device(
+                        DeviceError::Limit { .. } | DeviceError::OutOfMemory { .. },
+                    )) => on_cpu(),
+                    Err(error) => Err(error),
+                }
             }
         }
     }
