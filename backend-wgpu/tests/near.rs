@@ -242,8 +242,9 @@ fn the_device_answers_ordinary_batches_alone() {
 /// A scanned object, whose vertices have six triangles or so: points on them and around are nearly all the device's.
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+#[cfg_attr(no_scenes, ignore = "no scenes folder; set SPLITPLANE_SCENES")]
 fn scans_are_the_devices() {
-    let Some(scene) = scenes::real("bunny") else { return };
+    let scene = scenes::real("bunny").expect("bunny.obj in the scenes folder");
     let trees = both(&scene, kept());
     let points = points(&scene, 2_000, 3);
     let (differs, report) = closest_differ(&trees, &points, &ClosestPointOptions::default());
