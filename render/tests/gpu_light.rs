@@ -243,6 +243,7 @@ fn objects_are_lit_by_photons_from_the_device() {
     let mut cpu = InstanceTracer::load(CpuBackend::new(), &scene, &look, &build).unwrap();
     let backend = WgpuBackend::without_selftest(Gpu::clone(&gpu()));
     let queries = Arc::clone(backend.queries());
+    queries.set_parity(&Parity::Bitwise);
     let mut gpu = InstanceTracer::load(backend, &scene, &look, &build).unwrap();
     assert_eq!([cpu.shading(), gpu.shading()], [Shading::Cpu, Shading::CpuWithRaysOnGpu]);
     let (_, photons) = kinds()[2];
