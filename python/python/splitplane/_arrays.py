@@ -226,8 +226,10 @@ def room(shape: tuple[int, ...], dtype: Any) -> npt.NDArray[Any]:
 
 def _share(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> bool:
     """Whether strided arrays share memory. Where finding out takes long, whether their ranges overlap."""
+    # Numpy takes any number; its types know two.
+    max_work: Any = 10_000
     try:
-        return bool(np.shares_memory(one, other, max_work=10_000))
+        return bool(np.shares_memory(one, other, max_work=max_work))
     except RuntimeError:
         return bool(np.may_share_memory(one, other))
 
