@@ -35,6 +35,7 @@ mod prepared;
 mod probe;
 mod progress;
 mod query;
+mod query_asked;
 mod query_given;
 mod query_objects;
 pub mod ray_file;

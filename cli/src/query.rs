@@ -2,14 +2,14 @@
 
 use super::failure::Failure;
 use super::prepared::{Prepared, counted, in_pool, milliseconds, print_json};
+use super::query_asked::{Asked, OfMesh, accuracy_name};
 pub(super) use super::query_given::Arguments;
-use super::query_given::{Given, Kind, UndecidedName, answers, median};
+use super::query_given::{Kind, UndecidedName, median};
 use super::{hit_file, output, progress, query_objects};
 use serde::Serialize;
 use splitplane::scene::InstancedScene;
 use splitplane::{
-    Accelerator, AllHits, AllHitsOptions, ClosestPoint, ClosestPointOptions, Hit, LocateOptions,
-    Located, Location, QueryOptions, Ray, Rule, Undecided,
+    Accelerator, AllHitsOptions, ClosestPointOptions, Hit, LocateOptions, QueryOptions, Undecided,
 };
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -30,53 +30,7 @@ struct QueryReport {
     digest: String,
 }
 
-/// What is asked, and what came back.
-enum Asked {
-    Closest(Vec<Ray>, Vec<Hit>),
-    Any(Vec<Ray>, Vec<bool>),
-    All(Vec<Ray>, AllHits),
-    Inside(Vec<[f32; 3]>, Located),
-    /// Where signs are asked for, with where the points lie.
-    ClosestPoint {
-        points: Vec<[f32; 3]>,
-        closest: Vec<ClosestPoint>,
-        signs: Option<Located>,
-        within: f32,
-    },
-}
-
-impl Asked {
-    fn read(arguments: &Arguments) -> Result<Asked, Failure> {
-        Ok(match Given::read(arguments)? {
-            Given::Points(points) if arguments.kind == Kind::Inside => {
-                Asked::Inside(points, Located::default())
-            }
-            Given::Points(points) => {
-                let closest = answers(points.len(), ClosestPoint::NONE)?;
-                let signs = arguments.signed.then(Located::default);
-                let within = arguments.max_distance();
-                Asked::ClosestPoint { points, closest, signs, within }
-            }
-            Given::Rays(rays) => {
-                let count = rays.len();
-                match arguments.kind {
-                    Kind::Closest => Asked::Closest(rays, answers(count, Hit::MISS)?),
-                    Kind::Any => Asked::Any(rays, answers(count, false)?),
-                    Kind::All | Kind::Inside | Kind::ClosestPoint => {
-                        Asked::All(rays, AllHits::none())
-                    }
-                }
-            }
-        })
-    }
-
-    fn count(&self) -> usize {
-        match self {
-            Asked::Closest(rays, _) | Asked::Any(rays, _) | Asked::All(rays, _) => rays.len(),
-            Asked::Inside(points, _) | Asked::ClosestPoint { points, .. } => points.len(),
-        }
-    }
-
+impl Asked<OfMesh> {
     /// Traces once. Gives what is to be known of the answers.
     fn trace(
         &mut self,
@@ -90,9 +44,8 @@ impl Asked {
             Asked::Any(rays, hits) => accelerator.any_hits(rays, hits, options)?,
             Asked::All(rays, all) => {
                 let options = AllHitsOptions { culling, ignore, max_memory, watch };
-                *all = AllHits::none();
-                *all = accelerator.all_hits(rays, &options)?;
-                all.report.clone()
+                *all = None;
+                all.insert(accelerator.all_hits(rays, &options)?).report.clone()
             }
             Asked::Inside(points, located) => {
                 *located = accelerator.locate(points, &LocateOptions { max_memory, watch })?;
@@ -114,7 +67,8 @@ impl Asked {
         match self {
             Asked::Closest(_, hits) => hit_file::write_closest(path, hits)?,
             Asked::Any(_, hits) => hit_file::write_any(path, hits, flagged)?,
-            Asked::All(_, all) => return Ok(hit_file::write_all(path, all)?.to_vec()),
+            Asked::All(_, Some(all)) => return Ok(hit_file::write_all(path, all)?.to_vec()),
+            Asked::All(_, None) => return Ok(Vec::new()),
             Asked::Inside(_, located) => hit_file::write_inside(path, located)?,
             Asked::ClosestPoint { closest, signs, .. } => {
                 hit_file::write_closest_points(path, closest, signs.as_ref())?;
@@ -133,23 +87,6 @@ impl Asked {
             }
         }
     }
-
-    /// Rays that hit, crossings, points inside, or points that have a closest one.
-    fn found(&self) -> usize {
-        match self {
-            Asked::Closest(_, hits) => hits.iter().filter(|hit| hit.is_hit()).count(),
-            Asked::Any(_, hits) => hits.iter().filter(|hit| **hit).count(),
-            Asked::All(_, all) => all.crossings.len(),
-            Asked::Inside(_, located) => {
-                let inside =
-                    |&point: &usize| located.location(point, Rule::NonZero) == Location::Inside;
-                (0..located.windings.len()).filter(inside).count()
-            }
-            Asked::ClosestPoint { closest, .. } => {
-                closest.iter().filter(|closest| closest.is_some()).count()
-            }
-        }
-    }
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -163,7 +100,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
                 "--mask is for scenes of many objects: one mesh has no instances",
             ));
         }
-        let mut asked = Asked::read(arguments)?;
+        let mut asked = Asked::<OfMesh>::read(arguments)?;
         let prepared = Prepared::open(&arguments.scene, common)?;
         let undecided = match arguments.undecided {
             UndecidedName::Redo => Undecided::Redo,
@@ -185,16 +122,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         };
         asked.forget(&last.flagged);
         let trace_ms = median(&mut times);
-        let exact = matches!(arguments.kind, Kind::All | Kind::Inside);
         let report = QueryReport {
             rays: asked.count(),
             hits: asked.found(),
             kind: arguments.kind,
-            accuracy: match arguments.kind {
-                Kind::ClosestPoint => "f64",
-                _ if exact => "exact",
-                _ => common.accuracy_name(),
-            },
+            accuracy: accuracy_name(arguments),
             build_ms: prepared.build_ms,
             trace_ms,
             mrays_per_s: asked.count() as f64 / trace_ms.max(1e-6) / 1e3,

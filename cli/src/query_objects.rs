@@ -3,31 +3,17 @@
 use super::failure::Failure;
 use super::objects_built::{BuiltObjects, ObjectsReport};
 use super::prepared::{counted, milliseconds, print_json};
-use super::query_given::{Arguments, Given, Kind, UndecidedName, answers, median};
+use super::query_asked::{Asked, OfScene, accuracy_name};
+use super::query_given::{Arguments, Kind, UndecidedName, median};
 use super::{hit_file, output, progress};
 use serde::Serialize;
 use splitplane::objects::{
-    BuiltScene, SceneAccelerator, SceneAllHits, SceneAllHitsOptions, SceneClosestPoint,
-    SceneClosestPointOptions, SceneHit, SceneOptions, SceneReport,
+    BuiltScene, SceneAccelerator, SceneAllHitsOptions, SceneClosestPointOptions, SceneOptions,
+    SceneReport,
 };
-use splitplane::{LocateOptions, Located, Location, QueryReport, Ray, Rule};
+use splitplane::{LocateOptions, QueryReport};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-
-/// What is asked, and what came back.
-enum Asked {
-    Closest(Vec<Ray>, Vec<SceneHit>),
-    Any(Vec<Ray>, Vec<bool>),
-    All(Vec<Ray>, Option<SceneAllHits>),
-    Inside(Vec<[f32; 3]>, Located),
-    /// Where signs are asked for, with where the points lie.
-    ClosestPoint {
-        points: Vec<[f32; 3]>,
-        closest: Vec<SceneClosestPoint>,
-        signs: Option<Located>,
-        within: f32,
-    },
-}
 
 #[derive(Serialize)]
 struct Report {
@@ -46,36 +32,7 @@ struct Report {
     answered_by_cpu: u64,
 }
 
-impl Asked {
-    fn read(arguments: &Arguments) -> Result<Asked, Failure> {
-        Ok(match Given::read(arguments)? {
-            Given::Points(points) if arguments.kind == Kind::Inside => {
-                Asked::Inside(points, Located::default())
-            }
-            Given::Points(points) => {
-                let closest = answers(points.len(), SceneClosestPoint::NONE)?;
-                let signs = arguments.signed.then(Located::default);
-                let within = arguments.max_distance();
-                Asked::ClosestPoint { points, closest, signs, within }
-            }
-            Given::Rays(rays) => {
-                let count = rays.len();
-                match arguments.kind {
-                    Kind::Closest => Asked::Closest(rays, answers(count, SceneHit::MISS)?),
-                    Kind::Any => Asked::Any(rays, answers(count, false)?),
-                    Kind::All | Kind::Inside | Kind::ClosestPoint => Asked::All(rays, None),
-                }
-            }
-        })
-    }
-
-    fn count(&self) -> usize {
-        match self {
-            Asked::Closest(rays, _) | Asked::Any(rays, _) | Asked::All(rays, _) => rays.len(),
-            Asked::Inside(points, _) | Asked::ClosestPoint { points, .. } => points.len(),
-        }
-    }
-
+impl Asked<OfScene> {
     /// Traces once. Gives what is to be known of the answers, and whether instances that are entered are counted.
     fn trace(
         &mut self,
@@ -130,23 +87,6 @@ impl Asked {
         }
         Ok(vec![path.to_owned()])
     }
-
-    /// Rays that hit, crossings, points inside, or points that have a closest one.
-    fn found(&self) -> usize {
-        match self {
-            Asked::Closest(_, hits) => hits.iter().filter(|hit| hit.is_hit()).count(),
-            Asked::Any(_, hits) => hits.iter().filter(|hit| **hit).count(),
-            Asked::All(_, all) => all.as_ref().map_or(0, |all| all.crossings.len()),
-            Asked::Inside(_, located) => {
-                let inside =
-                    |&point: &usize| located.location(point, Rule::NonZero) == Location::Inside;
-                (0..located.windings.len()).filter(inside).count()
-            }
-            Asked::ClosestPoint { closest, .. } => {
-                closest.iter().filter(|closest| closest.is_some()).count()
-            }
-        }
-    }
 }
 
 /// Answers a file's rays or points. To be called inside a pool.
@@ -162,7 +102,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             "points are inside of the surfaces of all instances, whatever their masks; leave --mask out",
         ));
     }
-    let mut asked = Asked::read(arguments)?;
+    let mut asked = Asked::<OfScene>::read(arguments)?;
     let built = BuiltObjects::open(&arguments.scene, common)?;
     let watch = progress::watch(common.quiet);
     let options = SceneOptions {
@@ -183,11 +123,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         None => Vec::new(),
     };
     let trace_ms = median(&mut times);
-    let accuracy = match arguments.kind {
-        Kind::ClosestPoint => "f64",
-        Kind::All | Kind::Inside => "exact",
-        Kind::Closest | Kind::Any => common.accuracy_name(),
-    };
+    let accuracy = accuracy_name(arguments);
     let report = Report {
         scene: built.report(),
         rays: asked.count(),

@@ -126,8 +126,9 @@ kernel_set! {
         /// As [`Kernel::ShadowHits`], where clear bodies only tint the light. The scene says which
         /// triangles are clear.
         ShadowHitsThroughGlass "shadow_hits_through_glass", Invocations(ShadowRays, TRACED) =>
-            reads ShadowRays, reads Scene, updates ShadowLight,
-            reads Nodes, reads LeafReferences, reads Triangles, uniform Scene, updates Deferred;
+            reads ShadowRays, updates ShadowLight,
+            reads Nodes, reads LeafReferences, reads Triangles, uniform Scene, updates Deferred,
+            reads Scene;
         /// Sums the light of the paths, pixel by pixel.
         Accumulate "accumulate", Invocations(Paths, CHUNK) =>
             reads Paths, reads Surfaces, reads Spawned, reads ShadowLight, updates Radiance;

@@ -1,6 +1,6 @@
 // Whether each ray of a batch hits anything, as far as a lean traversal can tell.
 // One invocation a ray.
-// Reads: nodes, references, corners and scale of the scene; the rays of the batch.
+// Reads: nodes and their references (the tree's or compressed ones), corners and scale of the scene; the rays of the batch.
 // Writes: a word a ray, except for those that are left to `any_hit_retry`; the indices of these, in any order.
 // Ties: none; the answer does not depend on which hit is found.
 

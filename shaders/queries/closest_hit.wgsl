@@ -1,6 +1,6 @@
 // The closest hit of every ray of a batch, as far as a lean traversal can tell.
 // One invocation a ray.
-// Reads: nodes, references, corners and scale of the scene; the rays of the batch.
+// Reads: nodes and their references (the tree's or compressed ones), corners and scale of the scene; the rays of the batch.
 // Writes: a hit a ray. The record of a miss is (infinity, NO_TRIANGLE, 0, 0); that of a ray which the
 // driver did not let finish has UNFINISHED as its triangle, that of an undecided one UNDECIDED_HIT, that of one
 // which is left to `closest_hit_retry` DEFERRED. The indices of these, in any order.

@@ -1,6 +1,6 @@
 // The closest hit of every path's ray, as far as a lean traversal can tell.
 // One invocation a path, in workgroups of TRACED.
-// Reads: rays; nodes, references, corners and scale of the scene.
+// Reads: rays; nodes and their references (the tree's or compressed ones), corners and scale of the scene.
 // Writes: a hit a ray; UNFINISHED in place of the triangle where the driver did not follow it to its end.
 // Ties: among equal `t` the lower triangle index.
 // The indices of those that are left to `closest_hits_retry`, in any order.
@@ -10,8 +10,6 @@
 @group(0) @binding(2) var<storage, read> rays: array<vec4<u32>>;
 // 16 bytes a hit. As bits, since the `t` of a miss is infinite.
 @group(0) @binding(3) var<storage, read_write> hits: array<vec4<u32>>;
-@group(0) @binding(4) var<storage, read> nodes: array<vec2<u32>>;
-@group(0) @binding(5) var<storage, read> leaf_references: array<u32>;
 @group(0) @binding(6) var<storage, read> triangles: array<f32>;
 @group(0) @binding(7) var<uniform> scene: Scene;
 @group(0) @binding(8) var<storage, read_write> deferred_rays: array<atomic<u32>>;

@@ -1,6 +1,6 @@
 // Removes the light of shadow rays that hit something, as far as a lean traversal can tell.
 // One invocation a shadow ray, in workgroups of TRACED.
-// Reads: shadow rays; nodes, references, corners and scale of the scene.
+// Reads: shadow rays; nodes and their references (the tree's or compressed ones), corners and scale of the scene.
 // Writes: no light where there is a hit; 1 in the last component where the driver did not follow the ray
 // to its end.
 // In any order: the indices of those that are left to `shadow_hits_retry`, and what is left to the CPU.
@@ -9,8 +9,6 @@
 @group(0) @binding(1) var<storage, read> counters: array<u32, 16>;
 @group(0) @binding(2) var<storage, read> shadow_rays: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read_write> shadow_light: array<vec4<f32>>;
-@group(0) @binding(4) var<storage, read> nodes: array<vec2<u32>>;
-@group(0) @binding(5) var<storage, read> leaf_references: array<u32>;
 @group(0) @binding(6) var<storage, read> triangles: array<f32>;
 @group(0) @binding(7) var<uniform> scene: Scene;
 @group(0) @binding(8) var<storage, read_write> deferred_rays: array<atomic<u32>>;

@@ -41,8 +41,8 @@ pub(crate) fn known() -> Known {
     known
 }
 
-/// How the names of shaders end that go through compressed nodes.
-pub(crate) const COMPRESSED: &str = "_compressed";
+/// The part of shaders that go through compressed nodes.
+pub(crate) const COMPRESSED_TREE: &str = "render_compressed_tree";
 
 /// Every kernel with every choice of features, each combination of parts once.
 pub(crate) fn variants() -> Vec<(Kernel, Vec<Text>)> {
@@ -65,7 +65,7 @@ pub(crate) fn variants() -> Vec<(Kernel, Vec<Text>)> {
                 continue;
             }
             // These find hits by one test.
-            let compressed = name.ends_with(COMPRESSED);
+            let compressed = name.ends_with("_compressed");
             if compressed && test != TriangleTest::Watertight {
                 continue;
             }

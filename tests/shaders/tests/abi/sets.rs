@@ -60,10 +60,11 @@ pub(crate) trait Shaders: KernelSet {
     }
 }
 
-/// The kernel that a shader is of.
+/// The kernel that a shader is of: the one of its name, or of its file's.
 pub(crate) fn kernel_of<S: Shaders>(shader: &Shader) -> S::Kernel {
     let own = shader.parts.last().map_or("", |part| part.name);
-    let row = S::KERNELS.iter().find(|row| row.name == own);
+    let named = |name: &str| S::KERNELS.iter().find(|row| row.name == name);
+    let row = named(shader.name).or_else(|| named(own));
     row.unwrap_or_else(|| panic!("{}: no such kernel", shader.name)).kernel
 }
 
@@ -106,7 +107,7 @@ impl Shaders for RayTracer {
 
     /// Through compressed nodes the same kernel binds these.
     fn bound(kernel: render_kernel::Kernel, parts: &[Text]) -> Vec<Slot<RayTracer>> {
-        let compressed = parts.last().is_some_and(|own| own.name.ends_with(render::COMPRESSED));
+        let compressed = parts.iter().any(|part| part.name == render::COMPRESSED_TREE);
         let slots = RayTracer::slots(kernel);
         slots
             .map(|slot| if compressed { render_kernel::of_compressed(slot) } else { slot })
