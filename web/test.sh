@@ -40,8 +40,8 @@ fi
 say "size"
 node tests/size.mjs
 
-say "answers, and misuse"
-node --test tests/answers.test.mjs tests/misuse.test.mjs
+say "answers, misuse, and threads"
+node --test tests/answers.test.mjs tests/misuse.test.mjs tests/threads.test.mjs
 
 if [ -d node_modules/three ] || npm install --silent --no-audit --no-fund --no-save; then
     say "three.js"

@@ -9,7 +9,7 @@
 /** What kind of error it is; `CODES` lists them with their meanings. */
 export type Code =
     | "not-ready" | "type" | "shape" | "config" | "mesh" | "freed" | "busy" | "cancelled" | "out-of-memory" | "wrong-mesh"
-    | "file" | "unknown" | "stale" | "scene" | "no-webgpu" | "device-lost" | "timed-out" | "device" | "build" | "query" | "crashed";
+    | "file" | "unknown" | "stale" | "scene" | "threads" | "no-webgpu" | "device-lost" | "timed-out" | "device" | "build" | "query" | "crashed";
 
 /** Every error that the package throws by itself. `message` is the library's text; after an abort `cause` is the signal's reason. */
 export class SplitplaneError extends Error {
@@ -22,10 +22,35 @@ export const CODES: readonly Code[];
  * response, its bytes, or the compiled module.
  */
 export function init(source?: string | URL | Request | Response | Promise<Response> | BufferSource | WebAssembly.Module): Promise<void>;
-/** Whether `init` has ended well, and the compiled part is alive. */
+/** What `initThreads` takes. */
+export interface ThreadsOptions {
+    /** How many, the calling one included: 1 to 64. As many as the machine has cores if left out. */
+    threads?: number;
+    /** Where the compiled part for threads is, if not beside the package; as for `init`. */
+    source?: Parameters<typeof init>[0];
+    /**
+     * Most bytes of the shared memory, 32 MiB to 4 GiB: browsers set that much address space aside, and on phones may refuse it. 4 GiB if left out.
+     */
+    maxMemory?: number;
+}
+
+/**
+ * In the place of `init`: loads the compiled part for several threads, among which builds, batches and updates are divided. Gives the number of
+ * threads. All other functions stay the same, and so do their answers, bit for bit.
+ *
+ * In a browser it takes a page that is isolated (`crossOriginIsolated`), and a Worker that calls it, since a window's own thread cannot wait. In Node
+ * it takes nothing. Where there can be no threads, or the part for them was not built, it is rejected with code `threads`, and `init` is what is left.
+ * The other codes: `config` for numbers out of their range and for a second call, `not-ready` where the compiled part cannot be loaded.
+ *
+ * A thread that ends before its time, for lack of memory say, ends the call that waits for it, and all later ones, with code `crashed`.
+ */
+export function initThreads(options?: ThreadsOptions): Promise<number>;
+/** Why `initThreads` would be refused here, in words; `null` where nothing is known to be in its way. */
+export function whyNoThreads(): string | null;
+/** Whether `init` or `initThreads` has ended well, and the compiled part is alive. */
 export function isReady(): boolean;
-/** The package's version, and the instruction set of its queries: `simd128` or `portable`. */
-export function about(): { version: string; instructionSet: string };
+/** The package's version, the instruction set of its queries (`simd128` or `portable`), and the number of threads. */
+export function about(): { version: string; instructionSet: string; threads: number };
 
 export type Accuracy = "fast" | "watertight" | "exact";
 export type Culling = "none" | "back" | "front";

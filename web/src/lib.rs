@@ -12,10 +12,12 @@ mod named;
 #[cfg(feature = "page")]
 mod page;
 mod progress;
-// The module for WebGPU is loaded beside the one that has these.
-#[cfg(not(feature = "gpu"))]
+// The module for WebGPU is loaded beside the one that has these, and the page has objects of its own.
+#[cfg(not(any(feature = "gpu", feature = "page")))]
 mod scene;
-#[cfg(not(feature = "gpu"))]
+#[cfg(feature = "threads")]
+mod threads;
+#[cfg(not(any(feature = "gpu", feature = "page")))]
 mod tree;
 mod words;
 
