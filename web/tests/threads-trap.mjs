@@ -1,6 +1,4 @@
 // A thread with a planted fault: its compiled part fails when it first asks for the time, which it does to tell of progress.
 
-Date.now = () => {
-    throw new Error("planted");
-};
-await import("/js/threads-worker.js");
+import "data:text/javascript,Date.now = () => { throw new Error('planted'); };";
+import "/js/threads-worker.js";
