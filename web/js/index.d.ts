@@ -38,8 +38,8 @@ export interface ThreadsOptions {
  * In the place of `init`: loads the compiled part for several threads, among which builds, batches and updates are divided. Gives the number of
  * threads. All other functions stay the same, and so do their answers, bit for bit.
  *
- * In a browser it takes a page that is isolated (`crossOriginIsolated`), and a Worker that calls it, since a window's own thread cannot wait. In Node
- * it takes nothing. Where there can be no threads, or the part for them was not built, it is rejected with code `threads`, and `init` is what is left.
+ * In a browser the page has to be isolated (`crossOriginIsolated`), and a Worker has to call it, since a window's own thread cannot wait. Node has no
+ * such conditions. Where there can be no threads, or the part for them was not built, it is rejected with code `threads`, and `init` is what is left.
  * The other codes: `config` for numbers out of their range and for a second call, `not-ready` where the compiled part cannot be loaded.
  *
  * A thread that ends before its time, for lack of memory say, ends the call that waits for it, and all later ones, with code `crashed`.
@@ -88,7 +88,7 @@ export interface Watched {
 export interface BuildOptions extends Watched {
     /** Speed of building against speed of queries; `fast` if left out, as in the Rust library. */
     preset?: "fast" | "narrow" | "balanced" | "best";
-    /** `compact` takes a third to a half of the memory, and queries are slower. Answers are equal. */
+    /** `fast` if left out. `compact` takes a third to a half of the memory, and queries are slower. Answers are equal. */
     layout?: "fast" | "compact";
     /** Most bytes that the build may hold. */
     maxMemory?: number;
@@ -97,7 +97,7 @@ export interface BuildOptions extends Watched {
 export interface QueryOptions extends Watched {
     /** `watertight` if left out. */
     accuracy?: Accuracy;
-    /** Which side of triangles is ignored. */
+    /** Which side of triangles is ignored: `none` if left out. From the front a triangle's corners run counter-clockwise. */
     culling?: Culling;
     /** A triangle that is ignored. */
     ignore?: number;
@@ -150,10 +150,12 @@ export interface ClosestPoints {
 export interface ClosestPointOptions extends Watched {
     /** Points farther away are not looked for. */
     maxDistance?: number;
+    /** A triangle that is ignored. */
     ignore?: number;
 }
 
 export interface LocateOptions extends Watched {
+    /** Most bytes that the answers and the work on them may hold. */
     maxMemory?: number;
 }
 
@@ -180,8 +182,20 @@ export class Tree {
     /** Names the tree: 16 hexadecimal digits, the same on every machine. */
     readonly digest: string;
     readonly summary: {
-        triangles: number; dropped: number; snapped: number; peakBytes: number; queryBytes: number; nodes: number; references: number;
+        /** Of the mesh. */
+        triangles: number;
+        /** Triangles left out: a coordinate that is not finite, or two equal corners. */
+        dropped: number;
+        /** Triangles with a coordinate that became 0: -0, or one of less than 2^-126. */
+        snapped: number;
+        /** Most bytes that the build held, and bytes that queries need. */
+        peakBytes: number;
+        queryBytes: number;
+        nodes: number;
+        /** Entries of leaves: a triangle has one for each leaf that it reaches into. */
+        references: number;
     };
+    /** The box of all triangles that are kept. */
     readonly bounds: { min: Float32Array; max: Float32Array };
 
     /** `into`: 4 words a ray, t, triangle, u and v. */
@@ -320,7 +334,7 @@ export interface SceneQueryOptions extends Watched {
     accuracy?: Accuracy;
     /** As seen in the world. */
     culling?: Culling;
-    /** Instances answer when a bit of theirs is in it. */
+    /** Instances answer when a bit of their mask is in it: all bits if left out. */
     mask?: number;
     ignore?: { instance: number; triangle: number };
 }
