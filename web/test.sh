@@ -37,6 +37,8 @@ if [ -n "$build" ]; then
     ./build.sh --page ${lock[@]+"${lock[@]}"}
 fi
 
+why=$(../scripts/web.sh can-share) || absent "threads: $why"
+
 say "size"
 node tests/size.mjs
 
