@@ -6,7 +6,7 @@ import { brotliCompressSync, constants, gzipSync } from "node:zlib";
 const limits = [
     ["queries alone", ["../pkg/splitplane_bg.wasm"], 400_000],
     ["WebGPU, when it is asked for", ["../pkg/gpu/splitplane_gpu_bg.wasm"], 400_000],
-    ["threads, in the place of queries alone", ["../pkg/threads/splitplane_threads_bg.wasm"], 450_000],
+    ["queries alone, on threads", ["../pkg/threads/splitplane_threads_bg.wasm"], 400_000],
     ["the demonstration page, with WebGPU", ["../target/page/pkg/splitplane_bg.wasm"], 1_500_000],
     ["the demonstration page where it is isolated, until WebGPU is asked for", ["../target/page/pkg/threads/splitplane_threads_bg.wasm"], 1_500_000],
 ];
