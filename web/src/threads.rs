@@ -24,7 +24,7 @@ static HAS_LOST: AtomicBool = AtomicBool::new(false);
 /// Makes the pool of this thread and `count` less one others, for each of which a worker is in [`run_thread`], or on its way there. Waits
 /// for them, so it is not for a window's own thread.
 #[wasm_bindgen(js_name = beginThreads)]
-pub(crate) fn begin_threads(count: usize) -> Result<(), JsValue> {
+pub fn begin_threads(count: usize) -> Result<(), JsValue> {
     *KEPT.lock().unwrap_or_else(PoisonError::into_inner) = Vec::with_capacity(RESERVE);
     let begin = |thread: ThreadBuilder| {
         WAITING.lock().unwrap_or_else(PoisonError::into_inner).push(thread);
@@ -39,7 +39,7 @@ pub(crate) fn begin_threads(count: usize) -> Result<(), JsValue> {
 
 /// What a worker does: a thread of the pool, until its end.
 #[wasm_bindgen(js_name = runThread)]
-pub(crate) fn run_thread() {
+pub fn run_thread() {
     let thread = {
         let mut waiting = WAITING.lock().unwrap_or_else(PoisonError::into_inner);
         loop {
@@ -54,13 +54,13 @@ pub(crate) fn run_thread() {
 
 /// How many threads there are.
 #[wasm_bindgen(js_name = threadCount)]
-pub(crate) fn thread_count() -> usize {
+pub fn thread_count() -> usize {
     rayon::current_num_threads()
 }
 
 /// Ends all threads, for a worker that has trapped. A thread that is just falling asleep can miss it, so it is to be repeated.
 #[wasm_bindgen(js_name = endThreads)]
-pub(crate) fn end_threads() {
+pub fn end_threads() {
     HAS_LOST.store(true, Ordering::Relaxed);
     // No lock is waited for here: the thread that trapped may have held it.
     if let Ok(mut kept) = KEPT.try_lock() {
@@ -71,6 +71,6 @@ pub(crate) fn end_threads() {
 
 /// Whether a worker has trapped.
 #[wasm_bindgen(js_name = hasLostThread)]
-pub(crate) fn has_lost_thread() -> bool {
+pub fn has_lost_thread() -> bool {
     HAS_LOST.load(Ordering::Relaxed)
 }
