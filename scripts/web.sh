@@ -5,6 +5,7 @@
 #   scripts/web.sh setup --browser  and what tests in a browser take: Chromium and its driver
 #   scripts/web.sh check            says what is there and what is missing; installs nothing
 #   scripts/web.sh cargo ...        cargo for wasm32-unknown-unknown
+#   scripts/web.sh can-share        whether modules for threads can be made (SPLITPLANE_WEB_SHARED=yes for cargo): says why not
 #   scripts/web.sh bindgen ...      the program wasm-bindgen, of the version of web/Cargo.lock
 #
 # The compiler is the installed one where it has the standard library of that target, or where rustup can add it. Else it is that of
@@ -54,6 +55,7 @@ setup_rust() {
     if installed_has_target || unpacked; then return; fi
     if command -v rustup >/dev/null && timeout 120 rustup target add "$target" >/dev/null 2>&1; then
         say "rustup has added $target"
+        timeout 120 rustup component add rust-src >/dev/null 2>&1 || say "rustup cannot add rust-src: modules for threads will be left out"
         return
     fi
     command -v apt-get >/dev/null ||
@@ -70,11 +72,30 @@ setup_rust() {
     say "unpacked the compiler ($version) into $tools/rust"
 }
 
+# What shared memory takes: instructions for it, memory that is handed in, and what a thread is begun by.
+shared_flags="-C target-feature=+simd128,+atomics,+bulk-memory -C link-arg=--shared-memory -C link-arg=--import-memory \
+-C link-arg=--max-memory=4294967296 -C link-arg=--export=__wasm_init_tls -C link-arg=--export=__tls_size -C link-arg=--export=__tls_align \
+-C link-arg=--export=__tls_base -C link-arg=--export=__heap_base"
+
+# The standard library that compilers come with has no atomic instructions, so that for shared memory is built from its sources.
+installed_has_sources() {
+    installed_has_target && [ -e "$(rustc --print sysroot)/lib/rustlib/src/rust/library/std/Cargo.toml" ]
+}
+can_share() {
+    if unpacked || installed_has_sources; then return; fi
+    echo "the compiler has no sources of its standard library, which has to be built for shared memory (rustup component add rust-src)"
+    return 1
+}
+
 run_cargo() {
     export CARGO_TARGET_DIR=${CARGO_TARGET_DIR:-$root/web/target} CARGO_BUILD_TARGET=$target
     # Lanes of 128 bits, which every browser has had since 2023.
     export CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUSTFLAGS=${SPLITPLANE_WEB_RUSTFLAGS--C target-feature=+simd128}
-    if installed_has_target && ! unpacked; then exec cargo "$@"; fi
+    [ -z "${SPLITPLANE_WEB_SHARED:-}" ] || export CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUSTFLAGS=$shared_flags
+    if installed_has_target && ! unpacked; then
+        [ -z "${SPLITPLANE_WEB_SHARED:-}" ] || export RUSTC_BOOTSTRAP=1 CARGO_UNSTABLE_BUILD_STD=std,panic_abort
+        exec cargo "$@"
+    fi
     unpacked || missing "a compiler for $target; run scripts/web.sh setup"
     local rust=$tools/rust
     export LD_LIBRARY_PATH="$rust/usr/lib/$(uname -m)-linux-gnu${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}"
@@ -131,6 +152,8 @@ check() {
         say "missing: wasm-bindgen $bindgen_version"
         ready=1
     fi
+    local why
+    why=$(can_share) || say "no modules for threads: $why"
     if command -v node >/dev/null; then say "node: $(node --version)"; else
         say "missing: node"
         ready=1
@@ -151,6 +174,7 @@ setup)
     check
     ;;
 check) check ;;
+can-share) can_share ;;
 cargo) shift && run_cargo "$@" ;;
 bindgen)
     shift

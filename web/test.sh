@@ -37,11 +37,13 @@ if [ -n "$build" ]; then
     ./build.sh --page ${lock[@]+"${lock[@]}"}
 fi
 
+why=$(../scripts/web.sh can-share) || absent "threads: $why"
+
 say "size"
 node tests/size.mjs
 
-say "answers, and misuse"
-node --test tests/answers.test.mjs tests/misuse.test.mjs
+say "answers, misuse, and threads"
+node --test tests/answers.test.mjs tests/misuse.test.mjs tests/threads.test.mjs
 
 if [ -d node_modules/three ] || npm install --silent --no-audit --no-fund --no-save; then
     say "three.js"

@@ -28,6 +28,7 @@ export const CODES = Object.freeze([
     "unknown", // no geometry or instance of this name
     "stale", // a scene that was edited and not updated
     "scene", // a scene that cannot be
+    "threads", // there can be no threads here: the page is not isolated, or it is a window's own thread
     "no-webgpu", // a browser without WebGPU, or without an adapter for it
     "device-lost", // the GPU's device is gone; open another one, or go on with the CPU
     "timed-out", // the GPU, or its driver, takes longer than it may

@@ -9,7 +9,7 @@
 /** What kind of error it is; `CODES` lists them with their meanings. */
 export type Code =
     | "not-ready" | "type" | "shape" | "config" | "mesh" | "freed" | "busy" | "cancelled" | "out-of-memory" | "wrong-mesh"
-    | "file" | "unknown" | "stale" | "scene" | "no-webgpu" | "device-lost" | "timed-out" | "device" | "build" | "query" | "crashed";
+    | "file" | "unknown" | "stale" | "scene" | "threads" | "no-webgpu" | "device-lost" | "timed-out" | "device" | "build" | "query" | "crashed";
 
 /** Every error that the package throws by itself. `message` is the library's text; after an abort `cause` is the signal's reason. */
 export class SplitplaneError extends Error {
@@ -22,10 +22,35 @@ export const CODES: readonly Code[];
  * response, its bytes, or the compiled module.
  */
 export function init(source?: string | URL | Request | Response | Promise<Response> | BufferSource | WebAssembly.Module): Promise<void>;
-/** Whether `init` has ended well, and the compiled part is alive. */
+/** What `initThreads` takes. */
+export interface ThreadsOptions {
+    /** How many, the calling one included: 1 to 64. As many as the machine has cores if left out. */
+    threads?: number;
+    /** Where the compiled part for threads is, if not beside the package; as for `init`. */
+    source?: Parameters<typeof init>[0];
+    /**
+     * Most bytes of the shared memory, 32 MiB to 4 GiB: browsers set that much address space aside, and on phones may refuse it. 4 GiB if left out.
+     */
+    maxMemory?: number;
+}
+
+/**
+ * In the place of `init`: loads the compiled part for several threads, among which builds, batches and updates are divided. Gives the number of
+ * threads. All other functions stay the same, and so do their answers, bit for bit.
+ *
+ * In a browser the page has to be isolated (`crossOriginIsolated`), and a Worker has to call it, since a window's own thread cannot wait. Node has no
+ * such conditions. Where there can be no threads, or the part for them was not built, it is rejected with code `threads`, and `init` is what is left.
+ * The other codes: `config` for numbers out of their range and for a second call, `not-ready` where the compiled part cannot be loaded.
+ *
+ * A thread that ends before its time, for lack of memory say, ends the call that waits for it, and all later ones, with code `crashed`.
+ */
+export function initThreads(options?: ThreadsOptions): Promise<number>;
+/** Why `initThreads` would be refused here, in words; `null` where nothing is known to be in its way. */
+export function whyNoThreads(): string | null;
+/** Whether `init` or `initThreads` has ended well, and the compiled part is alive. */
 export function isReady(): boolean;
-/** The package's version, and the instruction set of its queries: `simd128` or `portable`. */
-export function about(): { version: string; instructionSet: string };
+/** The package's version, the instruction set of its queries (`simd128` or `portable`), and the number of threads. */
+export function about(): { version: string; instructionSet: string; threads: number };
 
 export type Accuracy = "fast" | "watertight" | "exact";
 export type Culling = "none" | "back" | "front";
@@ -63,7 +88,7 @@ export interface Watched {
 export interface BuildOptions extends Watched {
     /** Speed of building against speed of queries; `fast` if left out, as in the Rust library. */
     preset?: "fast" | "narrow" | "balanced" | "best";
-    /** `compact` takes a third to a half of the memory, and queries are slower. Answers are equal. */
+    /** `fast` if left out. `compact` takes a third to a half of the memory, and queries are slower. Answers are equal. */
     layout?: "fast" | "compact";
     /** Most bytes that the build may hold. */
     maxMemory?: number;
@@ -72,7 +97,7 @@ export interface BuildOptions extends Watched {
 export interface QueryOptions extends Watched {
     /** `watertight` if left out. */
     accuracy?: Accuracy;
-    /** Which side of triangles is ignored. */
+    /** Which side of triangles is ignored: `none` if left out. From the front a triangle's corners run counter-clockwise. */
     culling?: Culling;
     /** A triangle that is ignored. */
     ignore?: number;
@@ -125,10 +150,12 @@ export interface ClosestPoints {
 export interface ClosestPointOptions extends Watched {
     /** Points farther away are not looked for. */
     maxDistance?: number;
+    /** A triangle that is ignored. */
     ignore?: number;
 }
 
 export interface LocateOptions extends Watched {
+    /** Most bytes that the answers and the work on them may hold. */
     maxMemory?: number;
 }
 
@@ -155,8 +182,20 @@ export class Tree {
     /** Names the tree: 16 hexadecimal digits, the same on every machine. */
     readonly digest: string;
     readonly summary: {
-        triangles: number; dropped: number; snapped: number; peakBytes: number; queryBytes: number; nodes: number; references: number;
+        /** Of the mesh. */
+        triangles: number;
+        /** Triangles left out: a coordinate that is not finite, or two equal corners. */
+        dropped: number;
+        /** Triangles with a coordinate that became 0: -0, or one of less than 2^-126. */
+        snapped: number;
+        /** Most bytes that the build held, and bytes that queries need. */
+        peakBytes: number;
+        queryBytes: number;
+        nodes: number;
+        /** Entries of leaves: a triangle has one for each leaf that it reaches into. */
+        references: number;
     };
+    /** The box of all triangles that are kept. */
     readonly bounds: { min: Float32Array; max: Float32Array };
 
     /** `into`: 4 words a ray, t, triangle, u and v. */
@@ -295,7 +334,7 @@ export interface SceneQueryOptions extends Watched {
     accuracy?: Accuracy;
     /** As seen in the world. */
     culling?: Culling;
-    /** Instances answer when a bit of theirs is in it. */
+    /** Instances answer when a bit of their mask is in it: all bits if left out. */
     mask?: number;
     ignore?: { instance: number; triangle: number };
 }

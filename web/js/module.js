@@ -1,13 +1,15 @@
 // The compiled part: loading it, calling it, and arrays in its memory.
 
-import load, * as raw from "../pkg/splitplane.js";
+import load, * as single from "../pkg/splitplane.js";
 import { SplitplaneError } from "./error.js";
 
+/** The compiled part that is used: that of one thread, or that of several. */
+export let raw = single;
 let memory = null;
 let loading = null;
 let crashed = null;
-
-export { raw };
+/** Ends the other threads. */
+let end = () => {};
 
 /** Loads the compiled part; safe to call again. `source` as for `init` of index.d.ts. */
 export function start(source) {
@@ -21,6 +23,39 @@ export function start(source) {
         },
     );
     return loading;
+}
+
+/** Takes another compiled part, in the place of what `start` loads: `work` gives a promise of it, of its memory, and of what ends its threads. */
+export function startWith(work) {
+    if (loading !== null) {
+        const how = memory === null ? "is being loaded" : "is loaded";
+        throw new SplitplaneError("config", `the compiled part ${how} already: call initThreads() once, in the place of init()`);
+    }
+    loading = work().then(
+        (loaded) => {
+            ({ raw, memory, end } = loaded);
+        },
+        (error) => {
+            loading = null;
+            throw error;
+        },
+    );
+    return loading;
+}
+
+/** The compiled part is not to be called again. */
+export function crash(message, cause) {
+    crashed ??= new SplitplaneError("crashed", `${message}; load it anew`, { cause });
+    end();
+    return crashed;
+}
+
+function hasLostThread() {
+    try {
+        return raw.hasLostThread?.() === true;
+    } catch {
+        return false;
+    }
 }
 
 export function isReady() {
@@ -38,9 +73,8 @@ export function call(work) {
         // Set by the compiled part.
         if (typeof error?.code === "string") throw new SplitplaneError(error.code, error.message);
         if (error instanceof WebAssembly.RuntimeError || error instanceof RangeError) {
-            const message = `the compiled part has ended (${error.message}), most likely for lack of memory; load it anew`;
-            crashed = new SplitplaneError("crashed", message, { cause: error });
-            throw crashed;
+            const what = hasLostThread() ? "a thread of the compiled part has ended" : `the compiled part has ended (${error.message})`;
+            throw crash(`${what}, most likely for lack of memory`, error);
         }
         throw error;
     }

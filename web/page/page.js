@@ -15,6 +15,9 @@ let about = null;
 let opened = null;
 let last = {};
 let isReady = false;
+/** Whether the worker has WebGPU in the place of threads that it could have; whether it is to open what was open before it. */
+let withGpu = false;
+let comesBack = false;
 /** The depth of the boxes, as the visitor has chosen it. */
 let wantedDepth = 4;
 
@@ -29,6 +32,10 @@ function complain(text) {
     $("error").hidden = text === null;
     $("error").textContent = text ?? "";
     window.problem = text;
+}
+
+function threadsTold() {
+    return about.threads === 1 ? "one thread" : `${about.threads} threads`;
 }
 
 function chosen(name) {
@@ -138,7 +145,14 @@ function chooseBackend() {
     offerGpu(false);
     $("gpu").textContent = isOn ? "Looking for a GPU…" : "";
     delete window.onGpu;
-    worker.postMessage({ do: "gpu", isOn, preset: $("preset").value });
+    // Threads and WebGPU are in two compiled parts: a worker has one of them.
+    if (isOn ? about.threads === 1 : !withGpu) {
+        worker.postMessage({ do: "gpu", isOn, preset: $("preset").value });
+        return;
+    }
+    withGpu = isOn;
+    comesBack = true;
+    begin();
 }
 
 const hears = {
@@ -160,19 +174,24 @@ const hears = {
         offerGpu(state === "built");
         if (state === "built" || state === "failed") window.onGpu = { state, text, adapter, parity, digest };
     },
-    ready({ scenes, mostBytes, version, instructionSet }) {
-        about = { mostBytes, version, instructionSet };
+    ready({ scenes, mostBytes, version, instructionSet, threads, whyOne }) {
+        about = { mostBytes, version, instructionSet, threads };
+        $("threads").textContent = threads > 1 ? String(threads) : `1, since ${whyOne}`;
         if ($("scene").options.length === 0) {
             for (const { name, shows } of scenes) $("scene").add(new Option(`${name}: ${shows.split(";")[0]}`, name));
             const asked = new URLSearchParams(location.search).get("scene");
             $("scene").value = scenes.some(({ name }) => name === asked) ? asked : "gallery";
         }
         $("gpu").textContent = navigator.gpu ? "" : "Your browser has no WebGPU here: the CPU does the work.";
-        document.querySelector('input[name="backend"][value="cpu"]').checked = true;
+        if (!comesBack) withGpu = false;
+        document.querySelector(`input[name="backend"][value="${withGpu ? "gpu" : "cpu"}"]`).checked = true;
         offerGpu(false);
         for (const id of ["scene", "file"]) $(id).disabled = false;
+        if (withGpu) worker.postMessage({ do: "gpu", isOn: true, preset: $("preset").value });
         if (opened === null) openBuiltin();
+        else if (comesBack) open(opened);
         else say("Choose another scene.");
+        comesBack = false;
     },
     opened({ name, took, triangles, notes }) {
         $("triangles").textContent = whole(triangles);
@@ -211,7 +230,7 @@ const hears = {
         window.firstPicture ??= performance.now();
         if (width !== job.width) return;
         const rays = paths + shadows;
-        const cpu = `the CPU, one thread, ${about.instructionSet}`;
+        const cpu = `the CPU, ${threadsTold()}, ${about.instructionSet}`;
         $("by").textContent = by === "gpu" ? `the GPU${last.gpu ? `, ${last.gpu.adapter}` : ""}` : why ? `${cpu}, since ${why}` : cpu;
         if (samples === 1 && job.view === 0) {
             $("frame").textContent = `${milliseconds(took)}, ${width} × ${height}`;
@@ -245,7 +264,7 @@ const hears = {
             version: about.version,
             instructionSet: about.instructionSet,
             backend: "cpu",
-            threads: 1,
+            threads: about.threads,
             browser: navigator.userAgent,
             cores: navigator.hardwareConcurrency ?? null,
             width,
@@ -269,7 +288,9 @@ const hears = {
     failed({ text, isDead }) {
         complain(text);
         say("There is no picture of that.");
-        if (isDead) begin();
+        if (!isDead) return;
+        withGpu = false;
+        begin();
     },
 };
 
@@ -344,7 +365,7 @@ function measure(isParity) {
 function begin() {
     worker?.terminate();
     isReady = false;
-    worker = new Worker("worker.js", { type: "module" });
+    worker = new Worker(withGpu ? "worker.js?gpu" : "worker.js", { type: "module" });
     worker.onmessage = ({ data }) => hears[data.kind](data);
     worker.onerror = (event) => complain(`The worker has ended: ${event.message ?? "it could not be loaded"}`);
 }

@@ -1,6 +1,6 @@
 // The work: scenes, trees and pictures, away from the page so that it stays alive.
 
-import load, * as raw from "./pkg/splitplane.js";
+import { loadPart } from "./part.js";
 
 /** Sides of the squares that a pixel of each picture fills, until the last one. */
 const SQUARES = [8, 4, 2, 1];
@@ -10,6 +10,8 @@ const AT_ONCE = 60;
 const PATIENCE = 300;
 const [WATERTIGHT, EXACT] = [1, 2];
 
+/** The compiled part and its memory. Only the part of one thread has WebGPU: the page asks for it by the name of this worker. */
+let raw = null;
 let memory = null;
 let page = null;
 /** What is to be shown; `null` when nothing is, or all is shown. */
@@ -192,8 +194,8 @@ async function buildOnGpu(preset) {
     gpu.ends?.abort();
     gpu.isReady = false;
     gpu.why = null;
-    page?.leaveGpu();
-    if (!gpu.isOn || page === null) return;
+    if (!gpu.isOn || page === null) return page?.leaveGpu?.();
+    page.leaveGpu();
     gpu.ends = new AbortController();
     const { signal } = gpu.ends;
     const own = page;
@@ -330,11 +332,12 @@ onmessage = async ({ data }) => {
 };
 
 try {
-    ({ memory } = await load());
-    raw.afterCrash((message) => end({ message }));
+    const part = await loadPart(location.search === "?gpu", (text) => end({ message: `a thread: ${text}` }));
+    ({ raw, memory } = part);
+    raw.afterCrash?.((message) => end({ message }));
     const scenes = raw.Page.builtinScenes();
     const named = scenes.filter((_, place) => place % 2 === 0).map((name, place) => ({ name, shows: scenes[2 * place + 1] }));
-    tell("ready", { scenes: named, mostBytes: raw.Page.mostBytes(), version: raw.version(), instructionSet: raw.instructionSet() });
+    tell("ready", { scenes: named, mostBytes: raw.Page.mostBytes(), version: raw.version(), instructionSet: raw.instructionSet(), threads: part.threads, whyOne: part.why });
 } catch (error) {
     tell("failed", { text: `the compiled part cannot be loaded: ${error.message ?? error}`, isDead: false });
 }

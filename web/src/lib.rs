@@ -1,6 +1,12 @@
 //! What the JavaScript of the package calls: numbers in and out through arrays in the module's memory, errors as exceptions with a
 //! code. Users see the classes in `js/`, which check types and lengths, and give options names.
 
+// The page on threads is neither of the package's parts nor has it WebGPU.
+#![cfg_attr(
+    all(feature = "page", not(feature = "gpu")),
+    expect(dead_code, reason = "what the package's queries share with the part for WebGPU")
+)]
+
 mod crossings;
 mod failure;
 #[cfg(feature = "gpu")]
@@ -12,10 +18,12 @@ mod named;
 #[cfg(feature = "page")]
 mod page;
 mod progress;
-// The module for WebGPU is loaded beside the one that has these.
-#[cfg(not(feature = "gpu"))]
+// The module for WebGPU is loaded beside the one that has these, and the page has objects of its own.
+#[cfg(not(any(feature = "gpu", feature = "page")))]
 mod scene;
-#[cfg(not(feature = "gpu"))]
+#[cfg(feature = "threads")]
+pub mod threads;
+#[cfg(not(any(feature = "gpu", feature = "page")))]
 mod tree;
 mod words;
 

@@ -4,6 +4,7 @@ mod boxes;
 mod files;
 mod heat;
 mod judge;
+#[cfg(feature = "gpu")]
 mod on_gpu;
 mod orbit;
 mod picture;
@@ -38,6 +39,7 @@ pub struct Page {
     scene: Rc<Scene>,
     tracer: Option<Tracer>,
     /// The same scene on a GPU. Work that is under way has taken it.
+    #[cfg(feature = "gpu")]
     on_gpu: Rc<RefCell<Option<Tracer>>>,
     orbit: Option<Orbit>,
     settings: RenderSettings,
@@ -51,11 +53,11 @@ pub struct Page {
 
 impl From<TracerError> for Failure {
     fn from(error: TracerError) -> Failure {
-        use splitplane::render::RenderError;
         match error {
             TracerError::Build(error) => error.into(),
             TracerError::Scene(error) => error.into(),
-            TracerError::Render(RenderError::Gpu(error)) => error.into(),
+            #[cfg(feature = "gpu")]
+            TracerError::Render(splitplane::render::RenderError::Gpu(error)) => error.into(),
             error => Failure::new("query", error.to_string()),
         }
     }
@@ -67,6 +69,7 @@ impl Page {
             has_own_lights: scene.is_lit(),
             scene: Rc::new(scene),
             tracer: None,
+            #[cfg(feature = "gpu")]
             on_gpu: Rc::default(),
             orbit: None,
             settings: RenderSettings::default(),

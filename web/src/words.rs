@@ -67,7 +67,7 @@ impl Words {
     }
 
     /// The same to be written.
-    #[cfg(not(feature = "gpu"))]
+    #[cfg(not(any(feature = "gpu", feature = "page")))]
     pub(crate) fn part_mut<T: bytemuck::Pod>(
         &mut self,
         what: &str,

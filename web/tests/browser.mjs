@@ -13,19 +13,24 @@ const [tools, shots = path.join(web, "target", "screenshots")] = process.argv.sl
 mkdirSync(shots, { recursive: true });
 const server = await serve();
 const { root } = server;
+/** The same files for pages that are isolated. */
+const isolated = await serve(true);
+const { missing } = await import("../pkg/threads/splitplane_threads.js");
+const hasThreads = missing === undefined;
+if (!hasThreads) console.log(`NOT TESTED: threads: ${missing}`);
 const snapshot = (name) => readFileSync(path.join(web, "..", "tests", "snapshots", `web__${name}.snap`), "utf8");
 
 const browser = await launch(tools);
 const problems = [];
 
 /** A page whose complaints are all kept. */
-async function open(address, settings) {
+async function open(address, settings, from = root) {
     const page = await browser.newPage(settings);
     page.setDefaultTimeout(120_000);
     page.on("pageerror", (error) => problems.push(`${address}: ${error.stack ?? error}`));
     page.on("crash", () => problems.push(`${address}: the page crashed`));
     page.on("console", (message) => message.type() === "error" && problems.push(`${address}: ${message.text()}`));
-    await page.goto(`${root}${address}`);
+    await page.goto(`${from}${address}`);
     return page;
 }
 
@@ -58,6 +63,59 @@ try {
         await page.close();
     });
 
+    await step("threads: refused where they cannot be", async () => {
+        const page = await open("/blank.html");
+        const refused = await page.evaluate(async () => {
+            const api = await import("/js/index.js");
+            const { code, message } = await api.initThreads().catch((error) => error);
+            return { why: api.whyNoThreads(), code, message };
+        });
+        assert.match(refused.why, /not isolated.*Cross-Origin-Opener-Policy/);
+        assert.equal(refused.code, "threads");
+        assert.ok(refused.message.includes(refused.why));
+        await page.close();
+    });
+
+    if (hasThreads) await step("threads: the native answers in a worker, and errors where one cannot begin or ends", async () => {
+        const page = await open("/blank.html", undefined, isolated.root);
+        const window = await page.evaluate(async () => {
+            const { whyNoThreads } = await import("/js/index.js");
+            return { why: whyNoThreads(), isIsolated: crossOriginIsolated };
+        });
+        assert.ok(window.isIsolated);
+        assert.match(window.why, /window's own thread/);
+        const asked = async (what) => {
+            const found = await page.evaluate((what) => {
+                const worker = new Worker("/tests/threads-worker.mjs", { type: "module" });
+                return new Promise((resolve, reject) => {
+                    worker.onmessage = ({ data }) => resolve(data);
+                    worker.onerror = ({ message }) => reject(new Error(message));
+                    worker.postMessage(what);
+                }).finally(() => worker.terminate());
+            }, what);
+            assert.equal(found.error, undefined, found.error);
+            return found;
+        };
+        const { before, ...found } = await asked("nothing");
+        const codes = Object.values(before).map((refused) => refused?.code ?? refused);
+        assert.deepEqual(codes, [null, false, "config", "config", "config", "type", "config", "type", "not-ready"]);
+        assert.deepEqual([found.threads, found.again.code, found.ended.code, found.little.code], [3, "config", "cancelled", "out-of-memory"]);
+        assert.deepEqual([found.aborted.code, found.aborted.cause, found.isOrdered, found.inner], ["cancelled", "enough", true, 1]);
+        assert.equal(Object.keys(found.lines).length, 3);
+        for (const [name, lines] of Object.entries(found.lines)) assert.equal(difference(lines, snapshot(name)), null, name);
+        assert.ok(found.found > 1000);
+
+        const { refused, about } = await asked("noScript");
+        assert.equal(refused.code, "threads");
+        assert.equal(about.threads, 1);
+        const { built, later, isReady } = await asked("traps");
+        assert.deepEqual([built.code, later.code, isReady], ["crashed", "crashed", false]);
+        assert.match(built.text, /a thread of the compiled part has ended/);
+        await page.close();
+        // The script that is not there.
+        for (const problem of problems.filter((text) => /404/.test(text))) problems.splice(problems.indexOf(problem), 1);
+    });
+
     const page = await open("/target/page/index.html?scene=cornell", { viewport: { width: 960, height: 800 }, acceptDownloads: true });
     await step("the page shows its first scene", async () => {
         const first = await shown(page, { scene: "cornell", samples: 4 });
@@ -67,6 +125,32 @@ try {
         assert.ok(snapshot("web_pictures").includes(`cornell ${first.digest} `));
         assert.ok((await colours(page)) > 500);
         await page.screenshot({ path: path.join(shots, "cornell.png"), fullPage: true });
+    });
+
+    if (hasThreads) await step("the page on all cores where it is isolated, with the same pictures", async () => {
+        const cores = await page.evaluate(() => navigator.hardwareConcurrency);
+        assert.match(await page.textContent("#threads"), /^1, since the page is not isolated/);
+        const many = await open("/target/page/index.html?scene=cornell", { viewport: { width: 960, height: 800 } }, isolated.root);
+        const first = await shown(many, { scene: "cornell", samples: 4 });
+        assert.ok(snapshot("web_pictures").includes(`cornell ${first.digest} `));
+        assert.equal(await many.textContent("#threads"), cores === 1 ? "1, since this machine has one core" : String(Math.min(64, cores)));
+        if (cores > 1) assert.match(await many.textContent("#by"), /^the CPU, \d+ threads, simd128$/);
+        const picture = (from) => from.evaluate(() => document.getElementById("picture").toDataURL());
+        assert.equal(await picture(many), await picture(page));
+        await many.screenshot({ path: path.join(shots, "threads.png"), fullPage: true });
+        await many.selectOption("#light", "2");
+        await shown(many, { light: 2, samples: 4 });
+        // WebGPU is in the other compiled part, and the scene comes back with it; this browser has none.
+        await many.check('input[name="backend"][value="gpu"]');
+        await many.waitForFunction(() => window.onGpu?.state === "failed");
+        assert.match(await many.textContent("#threads"), /^1, since/);
+        assert.equal((await shown(many, { scene: "cornell", light: 2, samples: 4 })).digest, first.digest);
+        await many.evaluate(() => delete window.shown);
+        await many.check('input[name="backend"][value="cpu"]');
+        assert.equal((await shown(many, { scene: "cornell", light: 2, samples: 4 })).digest, first.digest);
+        assert.equal(await many.textContent("#threads"), String(Math.min(64, cores)));
+        assert.equal(await many.isVisible("#error"), false);
+        await many.close();
     });
 
     await step("another scene, the costs of rays, each accuracy", async () => {
@@ -269,4 +353,5 @@ try {
 } finally {
     await browser.close();
     server.close();
+    isolated.close();
 }

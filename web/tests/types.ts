@@ -1,7 +1,7 @@
 // Compiled, not run: what users write has the types of index.d.ts and three.d.ts.
 
 import { BufferGeometry, Mesh, Raycaster } from "three";
-import { AnyScene, AnyTree, Backend, Gpu, init, Scene, SplitplaneError, Tree, WasmArray } from "splitplane";
+import { AnyScene, AnyTree, Backend, Gpu, init, initThreads, Scene, SplitplaneError, Tree, WasmArray, whyNoThreads } from "splitplane";
 import { acceleratedRaycast, computeBoundsTree, disposeBoundsTree } from "splitplane/three";
 
 Mesh.prototype.raycast = acceleratedRaycast;
@@ -9,7 +9,8 @@ BufferGeometry.prototype.computeBoundsTree = computeBoundsTree;
 BufferGeometry.prototype.disposeBoundsTree = disposeBoundsTree;
 
 export async function use(positions: Float32Array, indices: Uint32Array, rays: Float32Array): Promise<number> {
-    await init();
+    const threads: number = whyNoThreads() === null ? await initThreads({ threads: 4, maxMemory: 2 ** 30 }) : 1;
+    if (threads === 1) await init();
     const controller = new AbortController();
     const tree = Tree.build(positions, indices, { preset: "best", signal: controller.signal, progress: (stage, done, total) => done < total });
     const hits = await tree.closestHitsAsync(rays, { accuracy: "exact", culling: "back" });
