@@ -175,6 +175,12 @@ function leaveGpu(why) {
     tell("gpu", { state: "failed", text: why });
 }
 
+/** A device may go away while nothing is asked of it, as when the browser's GPU process ends. */
+function lookAfterGpu() {
+    const why = gpu.isReady && !isDrawing && timing === null ? gpu.device.lost() : undefined;
+    if (why !== undefined) leaveGpu(why);
+}
+
 /** Opens the GPU, where it is not open; the one that was lost is left. */
 async function openGpu() {
     if (gpu.device !== null && !gpu.device.lost()) return;
@@ -320,6 +326,14 @@ function end(error) {
 
 // A trap in the middle of a promise is told to nobody else.
 addEventListener("unhandledrejection", ({ reason }) => end(reason));
+
+setInterval(() => {
+    try {
+        lookAfterGpu();
+    } catch (error) {
+        end(error);
+    }
+}, 1000);
 
 onmessage = async ({ data }) => {
     try {

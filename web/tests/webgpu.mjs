@@ -114,6 +114,22 @@ try {
         assert.ok(isSame);
     });
 
+    // As `chrome://gpucrash` does it.
+    const crash = async () => (await browser.newBrowserCDPSession()).send("Browser.crashGpuProcess");
+    await step("the browser's GPU process ends in the middle of work", async () => {
+        await run(page, "underWay");
+        await crash();
+        const found = await run(page, "crashed");
+        for (const [name, one] of Object.entries({ ...found.during, query: found.query, update: found.update })) {
+            assert.ok(one?.isOurs, `${name}: ${JSON.stringify(found)}`);
+            assert.ok(["device-lost", "no-webgpu"].includes(one.code), `${name}: ${JSON.stringify(one)}`);
+        }
+        assert.match(found.lost, /lost/);
+        assert.equal(found.again.parity, "bitwise");
+        assert.ok(snapshot("web_noise").includes(`digest fast: ${found.again.digest}`));
+        assert.ok(found.again.isSame);
+    });
+
     await step("a device that is destroyed in the middle of work", async () => isLost(await run(page, "lost")));
     assert.deepEqual(problems, []);
 
@@ -155,6 +171,20 @@ try {
         assert.match(cells[6], /cornell.*: equal$/);
         assert.match(cells[7], /^[\d,]+ first hits, of which 0 differ, and [\d,]+ pixels, of which 0 differ/);
         await settled({ by: "gpu", madeBy: "gpu" });
+
+        // The GPU process ends while nothing is asked of it: the page says so, goes on by the CPU, and opens the GPU again.
+        await crash();
+        await shown.waitForFunction(() => window.onGpu.state === "failed");
+        assert.match(await shown.textContent("#gpu"), /^No tree by the GPU: .*lost.* The CPU does the work\.$/);
+        await settled({ by: "cpu", madeBy: "cpu" });
+        assert.ok(await shown.isDisabled('input[name="by"][value="gpu"]'));
+        await shown.screenshot({ path: path.join(shots, "lost.png"), fullPage: true });
+        await shown.click("#again");
+        await shown.waitForFunction(() => window.onGpu !== undefined);
+        assert.equal(await shown.evaluate(() => window.onGpu.state), "built");
+        assert.equal(await shown.textContent("#gpu-digest"), await shown.textContent("#digest"));
+        assert.equal(await shown.isVisible("#again"), false);
+        assert.equal(await shown.isVisible("#error"), false);
         await shown.close();
     });
     assert.deepEqual(problems, []);
