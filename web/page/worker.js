@@ -49,7 +49,7 @@ function withoutGpu(job) {
     if (job.by !== "gpu") return "";
     if (gpu.why !== null) return gpu.why;
     if (!gpu.isReady) return "the scene is not on the GPU yet";
-    if (job.accuracy === EXACT) return "exact pictures on a GPU wait for it between waves, which a page cannot";
+    if (job.accuracy === EXACT && gpu.device.parity() !== "bitwise") return "exact pictures take a GPU that passes its self-test bit for bit";
     if (job.light !== 0 && job.view === 0) return "the GPU makes pictures of direct light only";
     return null;
 }

@@ -159,8 +159,20 @@ try {
         assert.equal(onDevice.why, null, JSON.stringify(onDevice));
         assert.equal(await picture(), own);
         assert.match(await shown.textContent("#by"), /^the GPU, .*swiftshader/i);
+        // Exact ones are those of the CPU too, which answers what the GPU leaves undecided.
         await shown.check('input[name="accuracy"][value="2"]');
-        assert.match((await settled({ accuracy: 2, madeBy: "cpu" })).why, /exact/);
+        const exact = await settled({ accuracy: 2, by: "gpu", madeBy: "gpu" });
+        assert.equal(exact.why, null, JSON.stringify(exact));
+        const exactPicture = await picture();
+        await shown.check('input[name="by"][value="cpu"]');
+        await settled({ accuracy: 2, by: "cpu", madeBy: "cpu" });
+        assert.equal(await picture(), exactPicture);
+        await shown.check('input[name="by"][value="gpu"]');
+        // Light by paths is the CPU's.
+        await shown.evaluate(() => (document.getElementById("samples").value = "0"));
+        await shown.selectOption("#light", "1");
+        assert.match((await settled({ light: 1, madeBy: "cpu" })).why, /direct light only/);
+        await shown.selectOption("#light", "0");
         await shown.check('input[name="accuracy"][value="1"]');
         const [download] = await Promise.all([shown.waitForEvent("download"), shown.click("#parity")]);
         const row = readFileSync(await download.path(), "utf8");
