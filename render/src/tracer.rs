@@ -391,8 +391,9 @@ impl Tracer {
         Ok(Frame { on: &self.on, stats })
     }
 
-    /// As [`Tracer::frame`], without blocking while a GPU works: its outputs come along, and the [`Frame`] waits for nothing. A frame of accuracy `exact` blocks
-    /// between its waves, and so does one that the CPU shades ([`Tracer::shading`]), which a browser refuses. On the CPU the frame is rendered at once. Dropped before its end, it leaves the tracer as it is.
+    /// As [`Tracer::frame`], without blocking while a GPU works: its outputs come along, and the [`Frame`] waits for nothing. Between the waves of a
+    /// frame of accuracy `exact` the CPU answers what the device left undecided, on this thread and its pool. A frame that the CPU shades ([`Tracer::shading`]) blocks,
+    /// which a browser refuses ([`GpuError::CannotBlock`](splitplane_wgpu::GpuError::CannotBlock)). On the CPU the frame is rendered at once. Dropped before its end, it leaves the tracer as it is.
     ///
     /// # Errors
     /// As for [`Tracer::frame`].

@@ -93,6 +93,59 @@ fn rays_of_every_kind() {
     assert!(matches!(error, Err(RenderError::PixelTooDeep { .. })), "{error:?}");
 }
 
+/// Polls a future to its end, as an executor without anything else to do; and how often it gave way.
+fn awaited<F: Future>(future: F) -> (F::Output, u32) {
+    use std::task::{Context, Poll, Waker};
+    let (mut future, mut gave_way) = (std::pin::pin!(future), 0);
+    loop {
+        match future.as_mut().poll(&mut Context::from_waker(Waker::noop())) {
+            Poll::Ready(out) => return (out, gave_way),
+            Poll::Pending => gave_way += 1,
+        }
+        std::thread::sleep(std::time::Duration::from_micros(200));
+    }
+}
+
+/// Without blocking between waves: the same bytes and counts, in one slice, in several, and repeated in smaller ones; dropped in the middle
+/// and begun again.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn pictures_can_be_awaited() {
+    let mut renderer = device::renderer();
+    let mut redone = 0;
+    for (scene, paths) in [
+        (scenes::all(), u32::MAX),
+        (scenes::mirrors().with_samples("slices", 3), 700),
+        (scenes::overflowing(), 96),
+    ] {
+        let both = exact(scene);
+        let data = both.scene.data();
+        let input = both.scene.input(&data);
+        renderer.limit_paths(paths);
+        let expected = same(&mut renderer, &both);
+        let (pixels, hits) = (renderer.pixels().expect("pixels"), renderer.first_hits());
+        let mut left = Box::pin(renderer.render_for_host_async(&both.device, &input));
+        let waker = std::task::Waker::noop();
+        assert!(left.as_mut().poll(&mut std::task::Context::from_waker(waker)).is_pending());
+        drop(left);
+        let (found, gave_way) = awaited(renderer.render_for_host_async(&both.device, &input));
+        let found = found.expect("a frame");
+        assert_eq!(
+            (found.plan, found.redone),
+            (expected.plan, expected.redone),
+            "{}",
+            both.scene.name
+        );
+        assert_eq!((found.paths, found.shadow_rays), (expected.paths, expected.shadow_rays));
+        // More often than at the end.
+        assert!(gave_way > 2 * expected.plan.waves(), "it gave way {gave_way} times");
+        assert_eq!(renderer.pixels().expect("pixels"), pixels);
+        assert_eq!(renderer.first_hits(), hits);
+        redone += found.redone;
+    }
+    assert!(redone > 0);
+}
+
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn devices_that_were_not_tested_refuse() {
@@ -101,6 +154,9 @@ fn devices_that_were_not_tested_refuse() {
     let data = both.scene.data();
     let error = renderer.render(&both.device, &both.scene.input(&data)).expect_err("not tested");
     assert_eq!(error, RenderError::ExactOnDevice);
+    let input = both.scene.input(&data);
+    let (error, _) = awaited(renderer.render_for_host_async(&both.device, &input));
+    assert_eq!(error.expect_err("not tested"), RenderError::ExactOnDevice);
 }
 
 fn in_step(renderer: &mut WgpuRenderer, both: &Both) -> Result<u32, Difference> {

@@ -1,20 +1,22 @@
 // Scenes of many objects on a browser's GPU.
 
-import { CULLINGS, room } from "./batch.js";
+import { room } from "./batch.js";
 import { SplitplaneError } from "./error.js";
 import { call, hasCrashed, movedAll, settled } from "./gpu-module.js";
+import { Instances } from "./instances.js";
 import { buildOptions, meshArrays } from "./mesh.js";
-import { choice, count, options, watcher } from "./module.js";
+import { options, watcher } from "./module.js";
 import { sceneHits } from "./queries.js";
-import { ALL, prepare, rows } from "./scene.js";
+import { prepare } from "./scene.js";
 
 /** Instances of meshes on a GPU; see index.d.ts. */
-export class GpuScene {
+export class GpuScene extends Instances {
     #own;
     #part;
 
     constructor(own, loaded) {
         if (loaded === undefined || !(own instanceof loaded.raw.GpuScene)) throw new SplitplaneError("type", "a GpuScene is made by Gpu.scene");
+        super(() => this.#alive(), call);
         this.#own = own;
         this.#part = loaded;
     }
@@ -35,34 +37,6 @@ export class GpuScene {
         }
     }
 
-    removeGeometry(geometry) {
-        const own = this.#alive();
-        count(geometry, "geometry");
-        call(() => own.removeGeometry(geometry));
-    }
-
-    addInstance(geometry, matrix, given) {
-        const own = this.#alive();
-        const { mask = ALL, culling = "none" } = options(given);
-        count(geometry, "geometry");
-        count(mask, "mask", ALL);
-        const [transform, side] = [rows(matrix), choice(culling, "culling", CULLINGS)];
-        return call(() => own.addInstance(geometry, transform, mask, side));
-    }
-
-    moveInstance(instance, matrix) {
-        const own = this.#alive();
-        count(instance, "instance");
-        const transform = rows(matrix);
-        call(() => own.moveInstance(instance, transform));
-    }
-
-    removeInstance(instance) {
-        const own = this.#alive();
-        count(instance, "instance");
-        call(() => own.removeInstance(instance));
-    }
-
     async updateAsync(given) {
         const own = this.#alive();
         const known = options(given);
@@ -70,10 +44,6 @@ export class GpuScene {
         const watch = watcher(known);
         watch.begin();
         await watch.later(() => settled(() => own.update(preset, maxMemory, watch.called)));
-    }
-
-    get digest() {
-        return call(() => this.#alive().digest());
     }
 
     /** Asks, and hands what comes back, as words, to `give`. */
@@ -112,9 +82,5 @@ export class GpuScene {
             if (!hasCrashed()) this.#own.free();
             this.#own = null;
         }
-    }
-
-    [Symbol.dispose ?? Symbol.for("Symbol.dispose")]() {
-        this.free();
     }
 }

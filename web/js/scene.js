@@ -1,11 +1,11 @@
-import { CULLINGS, NONE, batch, queryOptions } from "./batch.js";
-import { SplitplaneError } from "./error.js";
-import { buildOptions, meshArrays } from "./mesh.js";
-import { Calls, call, choice, count, options, pause, raw, watcher, withArrays } from "./module.js";
-import { sceneHits } from "./queries.js";
+// Scenes of many objects, on the CPU.
 
-/** All bits of a mask. */
-export const ALL = 0xffffffff;
+import { NONE, batch, queryOptions } from "./batch.js";
+import { SplitplaneError } from "./error.js";
+import { ALL, Instances } from "./instances.js";
+import { buildOptions, meshArrays } from "./mesh.js";
+import { Calls, call, count, options, pause, raw, watcher, withArrays } from "./module.js";
+import { sceneHits } from "./queries.js";
 
 /** Accuracy, culling, mask, ignored instance and triangle, as the compiled part takes them. */
 export function prepare(given) {
@@ -39,27 +39,13 @@ const any = batch({
     give: (occluded, total) => occluded.bytes.slice(0, total),
 });
 
-/** Three rows of four, from 12 numbers by rows or the 16 of a column-major matrix, as WebGL and three.js have them. */
-export function rows(matrix) {
-    const length = matrix?.length;
-    if (length !== 12 && length !== 16) {
-        throw new SplitplaneError("shape", `a matrix has ${length} numbers, but must have 12 (by rows) or 16 (by columns)`);
-    }
-    const all = Array.from(matrix);
-    if (!all.every((part) => typeof part === "number")) throw new SplitplaneError("type", "a matrix must be of numbers");
-    if (length === 12) return Float32Array.from(all);
-    if (all[3] !== 0 || all[7] !== 0 || all[11] !== 0 || all[15] !== 1) {
-        throw new SplitplaneError("shape", "a matrix of 16 numbers must be affine: its last row 0, 0, 0, 1");
-    }
-    return Float32Array.from({ length: 12 }, (_, place) => all[4 * (place % 4) + Math.floor(place / 4)]);
-}
-
 /** Instances of meshes; see index.d.ts. */
-export class Scene {
+export class Scene extends Instances {
     #own;
     #calls = new Calls("Scene");
 
     constructor() {
+        super(() => this.#alive(), call);
         this.#own = call(() => new raw.Scene());
     }
 
@@ -75,34 +61,6 @@ export class Scene {
         return withArrays(arrays, (points, corners) => call(() => own.addGeometry(points.own, corners.own, isIndexed)));
     }
 
-    removeGeometry(geometry) {
-        const own = this.#alive();
-        count(geometry, "geometry");
-        call(() => own.removeGeometry(geometry));
-    }
-
-    addInstance(geometry, matrix, given) {
-        const own = this.#alive();
-        const { mask = ALL, culling = "none" } = options(given);
-        count(geometry, "geometry");
-        count(mask, "mask", ALL);
-        const [transform, side] = [rows(matrix), choice(culling, "culling", CULLINGS)];
-        return call(() => own.addInstance(geometry, transform, mask, side));
-    }
-
-    moveInstance(instance, matrix) {
-        const own = this.#alive();
-        count(instance, "instance");
-        const transform = rows(matrix);
-        call(() => own.moveInstance(instance, transform));
-    }
-
-    removeInstance(instance) {
-        const own = this.#alive();
-        count(instance, "instance");
-        call(() => own.removeInstance(instance));
-    }
-
     update(given) {
         const own = this.#alive();
         const known = options(given);
@@ -115,10 +73,6 @@ export class Scene {
     async updateAsync(given) {
         await pause();
         this.update(given);
-    }
-
-    get digest() {
-        return call(() => this.#alive().digest());
     }
 
     closestHits(rays, given) {
@@ -143,9 +97,5 @@ export class Scene {
             this.#own.free();
             this.#own = null;
         }
-    }
-
-    [Symbol.dispose ?? Symbol.for("Symbol.dispose")]() {
-        this.free();
     }
 }

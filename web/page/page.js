@@ -24,7 +24,9 @@ let wantedDepth = 4;
 const milliseconds = (time) => (time < 10_000 ? `${time.toFixed(time < 10 ? 1 : 0)} ms` : `${(time / 1000).toFixed(1)} s`);
 const whole = (number) => number.toLocaleString("en");
 
-function say(text) {
+/** Screen readers read it out, but what comes many times a second. */
+function say(text, isBrief = false) {
+    $("status").ariaBusy = String(isBrief);
     $("status").textContent = text;
 }
 
@@ -42,6 +44,8 @@ function chosen(name) {
     return Number(document.querySelector(`input[name="${name}"]:checked`).value);
 }
 
+const chosenBy = () => document.querySelector('input[name="by"]:checked').value;
+
 function job() {
     const width = Math.min(WIDEST, Math.max(1, Math.round(canvas.clientWidth)));
     return {
@@ -53,7 +57,7 @@ function job() {
         accuracy: chosen("accuracy"),
         view: chosen("view"),
         light: Number($("light").value),
-        by: document.querySelector('input[name="by"]:checked').value,
+        by: chosenBy(),
         boxes: $("show-boxes").checked ? Number($("boxes").value) : null,
         judges: $("judges").checked,
     };
@@ -144,6 +148,7 @@ function chooseBackend() {
     for (const id of ["gpu-built", "gpu-digest"]) $(id).textContent = "–";
     offerGpu(false);
     $("gpu").textContent = isOn ? "Looking for a GPU…" : "";
+    $("again").hidden = true;
     delete window.onGpu;
     // Threads and WebGPU are in two compiled parts: a worker has one of them.
     if (isOn ? about.threads === 1 : !withGpu) {
@@ -170,8 +175,11 @@ const hears = {
             $("gpu-digest").textContent = digest;
             Object.assign(last, { gpu: { adapter, isSoftware, parity, buildMs: took, firstBuildMs: first, digest } });
         }
-        if (state === "failed") $("gpu").textContent = `No tree by the GPU: ${text}. The CPU does the work.`;
+        if (state === "failed") $("gpu").textContent = `No tree by the GPU: ${text.replace(/\.$/, "")}. The CPU does the work.`;
+        $("again").hidden = state !== "failed" || !navigator.gpu;
+        const wasByGpu = chosenBy() === "gpu";
         offerGpu(state === "built");
+        if (wasByGpu && chosenBy() === "cpu") draw();
         if (state === "built" || state === "failed") window.onGpu = { state, text, adapter, parity, digest };
     },
     ready({ scenes, mostBytes, version, instructionSet, threads, whyOne }) {
@@ -185,6 +193,7 @@ const hears = {
         $("gpu").textContent = navigator.gpu ? "" : "Your browser has no WebGPU here: the CPU does the work.";
         if (!comesBack) withGpu = false;
         document.querySelector(`input[name="backend"][value="${withGpu ? "gpu" : "cpu"}"]`).checked = true;
+        $("again").hidden = true;
         offerGpu(false);
         for (const id of ["scene", "file"]) $(id).disabled = false;
         if (withGpu) worker.postMessage({ do: "gpu", isOn: true, preset: $("preset").value });
@@ -200,7 +209,7 @@ const hears = {
         last = { scene: name, triangles, readMs: took };
     },
     progress({ stage, done, total }) {
-        say(`Building the tree: ${stage}${total > 0 ? `, ${Math.round((100 * done) / total)} %` : ""}`);
+        say(`Building the tree: ${stage}${total > 0 ? `, ${Math.round((100 * done) / total)} %` : ""}`, true);
     },
     built({ preset, took, digest, nodes, references, bytes, deepest }) {
         $("boxes").max = deepest;
@@ -441,6 +450,11 @@ $("samples").addEventListener("input", () => {
     draw();
 });
 for (const input of document.querySelectorAll('input[name="backend"]')) input.addEventListener("change", chooseBackend);
+$("again").addEventListener("click", () => {
+    // The button goes away.
+    document.querySelector('input[name="backend"]:checked').focus();
+    chooseBackend();
+});
 const REDRAW = 'input[name="view"], input[name="accuracy"], input[name="by"], #lights, #show-boxes, #judges';
 for (const input of document.querySelectorAll(REDRAW)) input.addEventListener("change", draw);
 $("boxes").addEventListener("input", () => {

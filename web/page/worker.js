@@ -51,7 +51,7 @@ function withoutGpu(job) {
     if (job.by !== "gpu") return "";
     if (gpu.why !== null) return gpu.why;
     if (!gpu.isReady) return "the scene is not on the GPU yet";
-    if (job.accuracy === EXACT) return "exact pictures on a GPU wait for it between waves, which a page cannot";
+    if (job.accuracy === EXACT && gpu.device.parity() !== "bitwise") return "exact pictures take a GPU that passes its self-test bit for bit";
     if (job.light !== 0 && job.view === 0) return "the GPU makes pictures of direct light only";
     return null;
 }
@@ -175,6 +175,12 @@ function leaveGpu(why) {
     gpu.isReady = false;
     gpu.why = why;
     tell("gpu", { state: "failed", text: why });
+}
+
+/** A device may go away while nothing is asked of it, as when the browser's GPU process ends. */
+function lookAfterGpu() {
+    const why = gpu.isReady && !isDrawing && timing === null ? gpu.device.lost() : undefined;
+    if (why !== undefined) leaveGpu(why);
 }
 
 /** Opens the GPU, where it is not open; the one that was lost is left. */
@@ -322,6 +328,14 @@ function end(error) {
 
 // A trap in the middle of a promise is told to nobody else.
 addEventListener("unhandledrejection", ({ reason }) => end(reason));
+
+setInterval(() => {
+    try {
+        lookAfterGpu();
+    } catch (error) {
+        end(error);
+    }
+}, 1000);
 
 onmessage = async ({ data }) => {
     try {

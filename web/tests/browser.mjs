@@ -324,15 +324,58 @@ try {
     });
 
     await step("everything has a name for a screen reader", async () => {
-        const nameless = await page.evaluate(() =>
-            [...document.querySelectorAll("input, select, button, canvas, a")].filter((element) => {
-                const labels = element.labels?.length > 0 ? [...element.labels].map((label) => label.textContent).join("") : "";
-                return (labels + (element.getAttribute("aria-label") ?? "") + element.textContent).trim() === "";
-            }).map((element) => element.outerHTML),
-        );
-        assert.deepEqual(nameless, []);
+        const session = await page.context().newCDPSession(page);
+        const { nodes } = await session.send("Accessibility.getFullAXTree");
+        const used = nodes.filter(({ ignored, properties = [] }) => !ignored && properties.some(({ name, value }) => name === "focusable" && value.value));
+        const roles = used.map(({ role }) => role.value);
+        for (const role of ["combobox", "radio", "checkbox", "slider", "button", "link"]) assert.ok(roles.includes(role), `no ${role} among ${roles}`);
+        const nameless = used.filter(({ role, name }) => role.value !== "RootWebArea" && !name?.value.trim());
+        assert.deepEqual(nameless.map(({ role }) => role.value), []);
+        // What changes by itself is read out.
+        assert.ok(nodes.filter(({ role }) => role?.value === "status").length >= 2);
         assert.equal(await page.evaluate(() => document.documentElement.lang), "en");
         assert.match(await page.getAttribute("#picture", "aria-label"), /spheres, .* triangles/);
+    });
+
+    await step("all of it is reached and set by keyboard", async () => {
+        await page.evaluate(() => document.activeElement.blur());
+        await page.focus(".skip");
+        const reached = new Set();
+        for (let i = 0; i < 60; i += 1) {
+            const now = await page.evaluate(() => {
+                const { id, name, tagName, className } = document.activeElement;
+                const { outlineStyle } = getComputedStyle(document.activeElement);
+                return { name: id || name || className || tagName, isSeen: outlineStyle !== "none" };
+            });
+            if (now.name === "BODY") break;
+            // The first was not given by a key.
+            assert.ok(i === 0 || now.isSeen, `the focus on ${now.name} is not seen`);
+            reached.add(now.name);
+            await page.keyboard.press("Tab");
+        }
+        const wanted = await page.evaluate(() =>
+            [...document.querySelectorAll("a, canvas, input, select, button")].filter((element) => !element.disabled && element.checkVisibility())
+                .map(({ type, id, name, className }) => (type === "radio" ? name : id || className)),
+        );
+        assert.deepEqual(new Set(wanted), reached);
+        await page.focus('input[name="view"][value="0"]');
+        await page.keyboard.press("ArrowDown");
+        await shown(page, { view: 1 });
+        await page.keyboard.press("ArrowUp");
+        await shown(page, { view: 0 });
+    });
+
+    await step("a file that is dropped, and a page that the browser stops meanwhile", async () => {
+        await page.evaluate(() => {
+            const given = new DataTransfer();
+            given.items.add(new File(["v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 2 4 3\n"], "dropped.obj"));
+            document.body.dispatchEvent(new DragEvent("drop", { dataTransfer: given, bubbles: true, cancelable: true }));
+        });
+        const session = await page.context().newCDPSession(page);
+        await session.send("Page.setWebLifecycleState", { state: "frozen" });
+        await new Promise((pass) => setTimeout(pass, 500));
+        await session.send("Page.setWebLifecycleState", { state: "active" });
+        assert.equal((await shown(page, { scene: "dropped.obj" })).triangles, 2);
     });
 
     await step("on a phone nothing is cut off", async () => {

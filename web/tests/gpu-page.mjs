@@ -167,6 +167,46 @@ export async function choice() {
     return found;
 }
 
+/** What is under way while the browser's GPU process ends, by `crashed`. */
+let ending = null;
+
+/** Begins a build, a batch, a scene's update, and the opening of another GPU. */
+export async function underWay() {
+    const [{ positions, indices }, scale] = MESHES.web_noise;
+    const tree = await gpu.build(positions, indices);
+    const scene = gpu.scene();
+    scene.addInstance(scene.addGeometry(positions, indices), [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0]);
+    const asked = rays(20_000, scale);
+    const work = {
+        build: () => gpu.build(positions, indices),
+        closest: () => tree.closestHitsAsync(asked),
+        all: () => tree.allHitsAsync(asked),
+        update: () => scene.updateAsync(),
+        open: () => api.Gpu.open({ timeout: 900 }),
+    };
+    ending = { tree, scene, work: Object.entries(work).map(async ([name, work]) => [name, await failure(work)]) };
+}
+
+/** How that ended; then a GPU is opened again, and answers. */
+export async function crashed() {
+    const [{ positions, indices }, scale] = MESHES.web_noise;
+    const { tree, scene, work } = ending;
+    const found = { during: Object.fromEntries(await Promise.all(work)) };
+    const asked = rays(500, scale);
+    found.query = await failure(() => tree.anyHitsAsync(asked));
+    found.update = await failure(() => scene.updateAsync());
+    found.lost = gpu.lost;
+    const cpu = api.Tree.load(tree.toBytes(positions, indices), positions, indices);
+    const before = Hash.of(bits(cpu.closestHits(asked).t));
+    for (const one of [tree, scene, cpu, backend]) one.free();
+    backend = await api.Backend.open("gpu", { timeout: 900 });
+    gpu = backend.gpu;
+    const again = await gpu.build(positions, indices);
+    found.again = { parity: gpu.parity, digest: again.digest, isSame: Hash.of(bits((await again.closestHitsAsync(asked)).t)) === before };
+    again.free();
+    return found;
+}
+
 /** The device goes away in the middle of work: errors, and the CPU goes on. */
 export async function lost() {
     const [{ positions, indices }, scale] = MESHES.web_noise;

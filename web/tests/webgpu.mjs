@@ -114,6 +114,22 @@ try {
         assert.ok(isSame);
     });
 
+    // As `chrome://gpucrash` does it.
+    const crash = async () => (await browser.newBrowserCDPSession()).send("Browser.crashGpuProcess");
+    await step("the browser's GPU process ends in the middle of work", async () => {
+        await run(page, "underWay");
+        await crash();
+        const found = await run(page, "crashed");
+        for (const [name, one] of Object.entries({ ...found.during, query: found.query, update: found.update })) {
+            assert.ok(one?.isOurs, `${name}: ${JSON.stringify(found)}`);
+            assert.ok(["device-lost", "no-webgpu"].includes(one.code), `${name}: ${JSON.stringify(one)}`);
+        }
+        assert.match(found.lost, /lost/);
+        assert.equal(found.again.parity, "bitwise");
+        assert.ok(snapshot("web_noise").includes(`digest fast: ${found.again.digest}`));
+        assert.ok(found.again.isSame);
+    });
+
     await step("a device that is destroyed in the middle of work", async () => isLost(await run(page, "lost")));
     assert.deepEqual(problems, []);
 
@@ -143,8 +159,20 @@ try {
         assert.equal(onDevice.why, null, JSON.stringify(onDevice));
         assert.equal(await picture(), own);
         assert.match(await shown.textContent("#by"), /^the GPU, .*swiftshader/i);
+        // Exact ones are those of the CPU too, which answers what the GPU leaves undecided.
         await shown.check('input[name="accuracy"][value="2"]');
-        assert.match((await settled({ accuracy: 2, madeBy: "cpu" })).why, /exact/);
+        const exact = await settled({ accuracy: 2, by: "gpu", madeBy: "gpu" });
+        assert.equal(exact.why, null, JSON.stringify(exact));
+        const exactPicture = await picture();
+        await shown.check('input[name="by"][value="cpu"]');
+        await settled({ accuracy: 2, by: "cpu", madeBy: "cpu" });
+        assert.equal(await picture(), exactPicture);
+        await shown.check('input[name="by"][value="gpu"]');
+        // Light by paths is the CPU's.
+        await shown.evaluate(() => (document.getElementById("samples").value = "0"));
+        await shown.selectOption("#light", "1");
+        assert.match((await settled({ light: 1, madeBy: "cpu" })).why, /direct light only/);
+        await shown.selectOption("#light", "0");
         await shown.check('input[name="accuracy"][value="1"]');
         const [download] = await Promise.all([shown.waitForEvent("download"), shown.click("#parity")]);
         const row = readFileSync(await download.path(), "utf8");
@@ -155,6 +183,20 @@ try {
         assert.match(cells[6], /cornell.*: equal$/);
         assert.match(cells[7], /^[\d,]+ first hits, of which 0 differ, and [\d,]+ pixels, of which 0 differ/);
         await settled({ by: "gpu", madeBy: "gpu" });
+
+        // The GPU process ends while nothing is asked of it: the page says so, goes on by the CPU, and opens the GPU again.
+        await crash();
+        await shown.waitForFunction(() => window.onGpu.state === "failed");
+        assert.match(await shown.textContent("#gpu"), /^No tree by the GPU: .*lost.* The CPU does the work\.$/);
+        await settled({ by: "cpu", madeBy: "cpu" });
+        assert.ok(await shown.isDisabled('input[name="by"][value="gpu"]'));
+        await shown.screenshot({ path: path.join(shots, "lost.png"), fullPage: true });
+        await shown.click("#again");
+        await shown.waitForFunction(() => window.onGpu !== undefined);
+        assert.equal(await shown.evaluate(() => window.onGpu.state), "built");
+        assert.equal(await shown.textContent("#gpu-digest"), await shown.textContent("#digest"));
+        assert.equal(await shown.isVisible("#again"), false);
+        assert.equal(await shown.isVisible("#error"), false);
         await shown.close();
     });
     assert.deepEqual(problems, []);

@@ -36,3 +36,5 @@ pub use executor::{DeviceExecutor, Job, LoopControl, Piece, Round};
 pub use kernel_set::{Bound, DeviceSet, Text};
 pub use pipelines::{Compiled, Instrument, Pipelines};
 pub use traffic::Traffic;
+#[doc(hidden)]
+pub use wait::{Wait, blocking};

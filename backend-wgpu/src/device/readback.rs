@@ -3,7 +3,7 @@
 use wgpu::BufferUsages as Usage;
 
 use crate::device::gpu::Gpu;
-use crate::device::wait::Wait;
+use crate::device::wait::{Wait, blocking};
 use crate::error::GpuError;
 
 /// The usages of a buffer that is read back.
@@ -19,15 +19,28 @@ pub fn read(
     offset: u64,
     bytes: u64,
 ) -> Result<Vec<u8>, GpuError> {
+    blocking(read_by(Wait::Blocking, gpu, buffer, offset, bytes))
+}
+
+/// As [`read`], waiting in either way.
+#[doc(hidden)]
+pub async fn read_by(
+    wait: Wait,
+    gpu: &Gpu,
+    buffer: &wgpu::Buffer,
+    offset: u64,
+    bytes: u64,
+) -> Result<Vec<u8>, GpuError> {
     // A browser would not have done it when this returns.
-    Wait::Blocking.check()?;
+    wait.check()?;
     if bytes == 0 {
         return Ok(Vec::new());
     }
+    let from = gpu.mark();
     let staging = gpu.buffer("readback", bytes, READBACK)?;
     let mut encoder = gpu.device().create_command_encoder(&Default::default());
     encoder.copy_buffer_to_buffer(buffer, offset, &staging, 0, bytes);
     let recorded = gpu.guard(|| encoder.finish())?;
     gpu.submit([recorded])?;
-    gpu.read_mapped(&staging, bytes)
+    gpu.read_mapped_by(wait, from, &staging, bytes).await
 }

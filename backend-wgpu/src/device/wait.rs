@@ -16,7 +16,7 @@ use crate::error::GpuError;
 
 /// How work waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Wait {
+pub enum Wait {
     /// On its thread.
     Blocking,
     /// By giving way.
@@ -24,7 +24,7 @@ pub(crate) enum Wait {
 }
 
 /// The outcome of work that waits by [`Wait::Blocking`].
-pub(crate) fn blocking<T>(work: impl Future<Output = T>) -> T {
+pub fn blocking<T>(work: impl Future<Output = T>) -> T {
     match pin!(work).poll(&mut Context::from_waker(Waker::noop())) {
         Poll::Ready(out) => out,
         Poll::Pending => unreachable!("work that blocks gives way to nobody"),

@@ -197,7 +197,9 @@ impl DeviceTree {
         }
     }
 
-    pub(crate) async fn read_by(&self, wait: Wait, gpu: &Gpu) -> Result<KdTree, GpuError> {
+    /// As [`DeviceTree::read`], waiting in either way.
+    #[doc(hidden)]
+    pub async fn read_by(&self, wait: Wait, gpu: &Gpu) -> Result<KdTree, GpuError> {
         let parts = &self.parts;
         let bytes = 8 * u64::from(parts.node_count);
         let nodes = read_buffer(wait, gpu, &parts.nodes, bytes).await?;

@@ -14,7 +14,7 @@ use splitplane_shaders::{RenderFeatures, TriangleTest, has_tail, render_compress
 use splitplane_wgpu::Gpu;
 use splitplane_wgpu::device::{
     BindGroups, Bound, DeviceExecutor, DeviceSet, Job, LoopControl, Piece, Pipelines, Round, Text,
-    kernel_set::with_continued,
+    Wait, blocking, kernel_set::with_continued,
 };
 use wgpu::BufferBinding;
 
@@ -92,7 +92,7 @@ pub struct FrameJob<'a> {
     plan: Plan,
     features: RenderFeatures,
     wave: u32,
-    /// In an exact frame.
+    /// In an exact frame that nothing awaits.
     undecided: Option<Undecided<'a>>,
 }
 
@@ -102,9 +102,9 @@ impl FrameJob<'_> {
         self.buffers.get(buffer)
     }
 
-    /// Rays that the CPU traced so far.
-    pub(super) fn redone(&self) -> u64 {
-        self.undecided.as_ref().map_or(0, Undecided::redone)
+    /// All buffers.
+    pub(super) fn buffers(&self) -> &Buffers {
+        self.buffers
     }
 
     /// The most items that a grid may represent now.
@@ -210,7 +210,9 @@ impl Job for FrameJob<'_> {
 
     fn finish_on_host(&mut self, kernel: Kernel) -> Result<(), RenderError> {
         match &mut self.undecided {
-            Some(undecided) => undecided.finish(kernel, self.buffers, &self.plan),
+            Some(undecided) => {
+                blocking(undecided.finish(Wait::Blocking, kernel, self.buffers, &self.plan))
+            }
             None => Ok(()),
         }
     }

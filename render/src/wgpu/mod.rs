@@ -8,6 +8,7 @@
 
 mod brought;
 mod buffers;
+mod exact_frame;
 mod executor;
 mod keyframes;
 mod renderer;

@@ -16,7 +16,7 @@ use crate::settings::{LightTransport, RenderSettings};
 use splitplane_core::ray::Accuracy;
 use splitplane_shaders::RenderFeatures;
 use splitplane_wgpu::device::readback::{READBACK, read};
-use splitplane_wgpu::device::{Awaited, LoopControl, Pipelines};
+use splitplane_wgpu::device::{Awaited, LoopControl, Pipelines, Wait, blocking};
 use splitplane_wgpu::{DeviceTree, Gpu, GpuError, Parity};
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -62,14 +62,14 @@ pub(crate) fn check_target(
 /// frame, and the words of a scene that have changed since the last one.
 #[derive(Debug)]
 pub struct WgpuRenderer {
-    gpu: Arc<Gpu>,
-    pipelines: Pipelines,
-    buffers: Buffers,
+    pub(super) gpu: Arc<Gpu>,
+    pub(super) pipelines: Pipelines,
+    pub(super) buffers: Buffers,
     room: Room,
     pending: Option<Pending>,
     finished: Option<Plan>,
     /// For what comes back, between frames.
-    spare: Option<wgpu::Buffer>,
+    pub(super) spare: Option<wgpu::Buffer>,
     brought: Brought,
     /// Whether bounds of error hold on the device.
     is_certain: bool,
@@ -90,6 +90,17 @@ struct Pending {
     brings: bool,
     /// Rays that the CPU traced.
     redone: u64,
+}
+
+/// A frame that was submitted, before its end is asked for.
+pub(super) struct Submitted {
+    pub(super) plan: Plan,
+    pub(super) frame: Frame,
+    pub(super) features: RenderFeatures,
+    pub(super) readback: wgpu::Buffer,
+    pub(super) submissions: u32,
+    pub(super) brings: bool,
+    pub(super) redone: u64,
 }
 
 /// States of the mapping that a callback reports.
@@ -260,18 +271,13 @@ impl WgpuRenderer {
         self.forget();
         let frame = self.prepare(tree, input, &plan)?;
         let features = features(&plan, input.query.accuracy, &self.buffers);
-        if input.query.accuracy != Accuracy::Exact {
-            return self.record(plan, frame, features, 0, brings, None).map(|_| ());
-        }
-        // The host waits for the device between waves, so it knows at the end whether the frame is void.
-        let (mut plan, mut frame) = (plan, frame);
-        let gpu = Arc::clone(&self.gpu);
-        loop {
-            let undecided = Undecided::new(&gpu, tree, *input, frame);
-            if !self.record(plan, frame, features, 0, brings, Some(undecided))? {
-                return Ok(());
+        match input.query.accuracy {
+            // The host waits for the device between waves.
+            Accuracy::Exact => {
+                let begun = (plan, frame, features, brings);
+                blocking(self.begin_exact(Wait::Blocking, tree, input, begun))
             }
-            (plan, frame) = halved(plan, frame)?;
+            _ => self.record(plan, frame, features, 0, brings),
         }
     }
 
@@ -312,8 +318,7 @@ impl WgpuRenderer {
         Ok(Frame { tail_at, ..plan.frame(input.scene, &input.camera, &input.query) })
     }
 
-    /// Records and submits the whole schedule, and requests the counters. Of an exact frame returns whether it is void; of
-    /// others that is not known yet.
+    /// Records and submits the whole schedule, and requests the counters.
     fn record(
         &mut self,
         plan: Plan,
@@ -321,52 +326,48 @@ impl WgpuRenderer {
         features: RenderFeatures,
         before: u32,
         brings: bool,
-        undecided: Option<Undecided<'_>>,
-    ) -> Result<bool, RenderError> {
-        let needed = if brings { brought::bytes(&plan) } else { brought::COUNTERS };
-        let readback = match self.spare.take().filter(|spare| spare.size() >= needed) {
-            Some(spare) => spare,
-            None => self.gpu.buffer("what a frame sends back", needed, READBACK)?,
-        };
+    ) -> Result<(), RenderError> {
+        let readback = self.readback(&plan, brings)?;
         let gpu = Arc::clone(&self.gpu);
         let (buffers, pipelines) = (&mut self.buffers, &self.pipelines);
-        let (submissions, redone) =
-            gpu.guard(|| -> Result<(u32, Option<u64>), RenderError> {
-                buffers.upload(&gpu, &frame, &first_counters(plan.pixels()));
-                let counters = buffers.get(Buffer::Counters).cloned();
-                let (loops, is_exact) = (LoopControl::Recorded, undecided.is_some());
-                let mut executor =
-                    executor(&gpu, pipelines, buffers, plan, features, loops, undecided);
-                schedule::frame(&mut executor, &plan)?;
-                if is_exact && executor.counters()?[Counter::Overflow] != 0 {
-                    return Ok((0, None));
-                }
-                if let Some(counters) = counters {
-                    let bytes = brought::COUNTERS;
-                    executor.encoder().copy_buffer_to_buffer(&counters, 0, &readback, 0, bytes);
-                }
-                for (buffer, place) in brought::outputs(&plan).filter(|_| brings) {
-                    if let Some(held) = executor.job().output(buffer).cloned() {
-                        let (at, bytes) = (place.start, place.end - place.start);
-                        executor.encoder().copy_buffer_to_buffer(&held, 0, &readback, at, bytes);
-                    }
-                }
-                executor.submit()?;
-                Ok((executor.submissions(), Some(executor.job().redone())))
-            })??;
-        let Some(redone) = redone else {
-            self.spare = Some(readback);
-            return Ok(true);
-        };
-        let last = gpu.last_submission();
+        let submissions = gpu.guard(|| -> Result<u32, RenderError> {
+            buffers.upload(&gpu, &frame, &first_counters(plan.pixels()));
+            let loops = LoopControl::Recorded;
+            let mut executor = executor(&gpu, pipelines, buffers, plan, features, loops, None);
+            schedule::frame(&mut executor, &plan)?;
+            bring(&mut executor, &plan, brings, &readback);
+            executor.submit()?;
+            Ok(executor.submissions())
+        })??;
+        let submissions = before + submissions;
+        self.request(Submitted { plan, frame, features, readback, submissions, brings, redone: 0 })
+    }
+
+    /// A buffer for what a frame sends back.
+    pub(super) fn readback(
+        &mut self,
+        plan: &Plan,
+        brings: bool,
+    ) -> Result<wgpu::Buffer, RenderError> {
+        let needed = if brings { brought::bytes(plan) } else { brought::COUNTERS };
+        match self.spare.take().filter(|spare| spare.size() >= needed) {
+            Some(spare) => Ok(spare),
+            None => Ok(self.gpu.buffer("what a frame sends back", needed, READBACK)?),
+        }
+    }
+
+    /// Requests what a frame sends back.
+    pub(super) fn request(&mut self, submitted: Submitted) -> Result<(), RenderError> {
+        let Submitted { plan, frame, features, readback, submissions, brings, redone } = submitted;
+        let bytes = if brings { brought::bytes(&plan) } else { brought::COUNTERS };
+        let last = self.gpu.last_submission();
         let mapped = Arc::new(AtomicU8::new(WAITING));
         let told = Arc::clone(&mapped);
-        gpu.guard(|| {
-            readback.map_async(wgpu::MapMode::Read, ..needed, move |result| {
+        self.gpu.guard(|| {
+            readback.map_async(wgpu::MapMode::Read, ..bytes, move |result| {
                 told.store(if result.is_ok() { MAPPED } else { FAILED }, Ordering::Release);
             });
         })?;
-        let submissions = before + submissions;
         self.pending = Some(Pending {
             plan,
             frame,
@@ -378,7 +379,7 @@ impl WgpuRenderer {
             brings,
             redone,
         });
-        Ok(false)
+        Ok(())
     }
 
     /// The statistics of the frame if the device is done with it; `None` if it is not, or if a
@@ -432,8 +433,7 @@ impl WgpuRenderer {
         }
     }
 
-    /// As [`WgpuRenderer::submit_for_host`], and waits for the frame without blocking. Frames of accuracy `exact` block between their waves,
-    /// which a browser refuses.
+    /// As [`WgpuRenderer::submit_for_host`], and waits for the frame without blocking, also between the waves of one of accuracy `exact`.
     ///
     /// # Errors
     /// As for [`WgpuRenderer::render`].
@@ -442,9 +442,26 @@ impl WgpuRenderer {
         tree: &DeviceTree,
         input: &FrameInput<'_>,
     ) -> Result<FrameStats, RenderError> {
-        let awaited = Awaited::begin(Arc::clone(&self.gpu));
-        let submitted = self.submit_for_host(tree, input);
+        let mut awaited = Awaited::begin(Arc::clone(&self.gpu));
+        let submitted = match input.query.accuracy {
+            Accuracy::Exact => self.submit_exact_for_host(tree, input).await,
+            _ => self.submit_for_host(tree, input),
+        };
+        awaited.renew();
         self.finish(awaited, submitted).await
+    }
+
+    async fn submit_exact_for_host(
+        &mut self,
+        tree: &DeviceTree,
+        input: &FrameInput<'_>,
+    ) -> Result<(), RenderError> {
+        let plan = self.plan(input)?;
+        self.buffers.set_target(None);
+        self.forget();
+        let frame = self.prepare(tree, input, &plan)?;
+        let features = features(&plan, input.query.accuracy, &self.buffers);
+        self.begin_exact(Wait::Yielding, tree, input, (plan, frame, features, true)).await
     }
 
     /// As [`WgpuRenderer::wait`], without blocking. Dropped before its end, it leaves the frame as it is.
@@ -508,7 +525,7 @@ impl WgpuRenderer {
             return Ok(Some(FrameStats { redone, ..FrameStats::new(plan, &counters, None) }));
         }
         let (plan, frame) = halved(plan, frame)?;
-        self.record(plan, frame, features, submissions, brings, None)?;
+        self.record(plan, frame, features, submissions, brings)?;
         Ok(None)
     }
 
@@ -614,8 +631,27 @@ impl WgpuRenderer {
     }
 }
 
+/// Records that counters, and the outputs where the host wants them, are copied to what is read back.
+pub(super) fn bring(
+    executor: &mut WgpuExecutor<'_>,
+    plan: &Plan,
+    brings: bool,
+    readback: &wgpu::Buffer,
+) {
+    if let Some(counters) = executor.job().output(Buffer::Counters).cloned() {
+        let bytes = brought::COUNTERS;
+        executor.encoder().copy_buffer_to_buffer(&counters, 0, readback, 0, bytes);
+    }
+    for (buffer, place) in brought::outputs(plan).filter(|_| brings) {
+        if let Some(held) = executor.job().output(buffer).cloned() {
+            let (at, bytes) = (place.start, place.end - place.start);
+            executor.encoder().copy_buffer_to_buffer(&held, 0, readback, at, bytes);
+        }
+    }
+}
+
 /// The same frame in slices of half as many pixels.
-fn halved(plan: Plan, frame: Frame) -> Result<(Plan, Frame), RenderError> {
+pub(super) fn halved(plan: Plan, frame: Frame) -> Result<(Plan, Frame), RenderError> {
     let too_deep =
         RenderError::PixelTooDeep { paths: plan.path_room(), shadow_rays: plan.shadow_room() };
     let plan = plan.halved().ok_or(too_deep)?;

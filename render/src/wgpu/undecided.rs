@@ -17,7 +17,8 @@ use splitplane_core::exact::{ExactRay, meet};
 use splitplane_core::query::traverse::{Query, Triangles, exact};
 use splitplane_core::ray::{Hit, Ray};
 use splitplane_core::tree::KdTree;
-use splitplane_wgpu::device::readback::read;
+use splitplane_wgpu::device::Wait;
+use splitplane_wgpu::device::readback::read_by;
 use splitplane_wgpu::{DeviceTree, Gpu};
 use wgpu::BufferUsages as Usage;
 
@@ -86,8 +87,9 @@ impl<'a> Undecided<'a> {
     }
 
     /// Answers what a kernel has left. Reads 16 bytes, and 52 a ray where there are any.
-    pub(super) fn finish(
+    pub(super) async fn finish(
         &mut self,
+        wait: Wait,
         kernel: Kernel,
         buffers: &Buffers,
         plan: &Plan,
@@ -96,13 +98,14 @@ impl<'a> Undecided<'a> {
         else {
             return Ok(());
         };
-        let head = words(&read(self.gpu, list, 0, 4 * u64::from(DEFERRED_HEAD))?);
+        let head = words(&read_by(wait, self.gpu, list, 0, 4 * u64::from(DEFERRED_HEAD)).await?);
         // No more than there is room for, whatever a device says.
         let room = plan.path_room().max(plan.shadow_room());
         let count = head[word as usize].min(room);
         let Some(answered) = buffers.get(answered).filter(|_| count > 0) else { return Ok(()) };
         let at = 4 * u64::from(DEFERRED_HEAD + room);
-        let records = words(&read(self.gpu, list, at, 4 * u64::from(count * UNDECIDED_WORDS))?);
+        let bytes = 4 * u64::from(count * UNDECIDED_WORDS);
+        let records = words(&read_by(wait, self.gpu, list, at, bytes).await?);
         let mut left: Vec<Left> =
             records.chunks_exact(UNDECIDED_WORDS as usize).map(Left::of_words).collect();
         if let Some(beyond) = left.iter().find(|left| left.index >= room) {
@@ -115,7 +118,7 @@ impl<'a> Undecided<'a> {
         // Neighbours go back together.
         left.sort_unstable_by_key(|left| left.index);
         if self.copy.is_none() && !left.iter().all(|left| self.at_triangle(left).is_some()) {
-            self.copy = Some(self.tree.read(self.gpu)?);
+            self.copy = Some(self.tree.read_by(wait, self.gpu).await?);
         }
         let answers: Vec<[u8; ANSWER]> = match kernel {
             Kernel::ClosestHits => self.answers(&left, |left| {

@@ -3,8 +3,8 @@
 use std::rc::Rc;
 
 use js_sys::{Float64Array, Function, Promise};
+use splitplane::BuildOptions;
 use splitplane::tracer::Tracer;
-use splitplane::{Accuracy, BuildOptions};
 use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::future_to_promise;
 
@@ -53,18 +53,14 @@ impl Page {
         self.on_gpu.take();
     }
 
-    /// As `frame`, on the GPU: a promise of a `Told`. A page cannot wait between the waves of exact pictures, so those are the CPU's, as is light by
-    /// photons and paths.
+    /// As `frame`, on the GPU: a promise of a `Told`. Of exact pictures the CPU answers what the GPU leaves undecided, between waves. Light by photons
+    /// and paths is the CPU's.
     #[wasm_bindgen(js_name = frameOnGpu)]
     pub fn frame_on_gpu(&mut self, numbers: &[u32]) -> Result<Promise, JsValue> {
         let wanted = Wanted::of(numbers)?;
         let settings = wanted.settings(self.settings);
         let (_, _, orbit) = self.ready()?;
         let request = wanted.request(settings, orbit.camera());
-        if request.query.accuracy == Accuracy::Exact {
-            let text = "exact pictures on a GPU wait for it between waves, which a page cannot";
-            return Err(Failure::new("config", text).into());
-        }
         let mut tracer = self.on_gpu.take().ok_or_else(busy)?;
         let scene = Rc::clone(&self.scene);
         let (place, pixels) = (Rc::clone(&self.on_gpu), Rc::clone(&self.pixels));
