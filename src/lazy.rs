@@ -1,5 +1,6 @@
 //! Scenes whose trees are built when the first ray needs them: model only what is looked at.
 
+mod near;
 mod reach;
 mod shared;
 mod state;
@@ -7,13 +8,11 @@ mod state;
 use self::reach::Reach;
 use self::state::{State, description};
 use splitplane_core::backend::scene::{
-    BuiltScene, SceneAccelerator, SceneAllHits, SceneAllHitsOptions, SceneClosestPoint,
-    SceneClosestPointOptions, SceneWriteError, write_file,
+    BuiltScene, SceneAccelerator, SceneAllHits, SceneAllHitsOptions, SceneWriteError, write_file,
 };
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::error::QueryError;
 use splitplane_core::mesh::Mesh;
-use splitplane_core::query::inside::{LocateOptions, Located};
 use splitplane_core::ray::Ray;
 use splitplane_core::report::QueryReport;
 use splitplane_core::scene::{
@@ -51,7 +50,7 @@ pub enum LazyError {
 ///
 /// A step that builds also looks once at what is built already, and makes the trees over instances and over shapes anew. So ask with many rays at once.
 /// Limits of memory hold for the whole scene, as for one that is built at once. A query's watch is called while it builds, and may cancel that. All queries
-/// have an error for a geometry that is not built: [`LazyError::Build`]. There are no overlaps of such scenes.
+/// have an error for a geometry that is not built: [`LazyError::Build`].
 ///
 /// ```
 /// # #[cfg(feature = "cpu")] {
@@ -277,34 +276,6 @@ impl LazyScene {
             });
         }
         reached
-    }
-
-    /// How often surfaces wind around each point: see [`SceneAccelerator::locate`]. Builds everything: points have no way that could
-    /// reach a part of it.
-    ///
-    /// # Errors
-    /// As for [`LazyScene::closest_hits`].
-    pub fn locate(
-        &self,
-        points: &[[f32; 3]],
-        options: &LocateOptions<'_>,
-    ) -> Result<Located, LazyError> {
-        self.complete(options.watch)?;
-        Ok(self.state().accelerator.locate(points, options)?)
-    }
-
-    /// The closest point of the scene to each point: see [`SceneAccelerator::closest_points`]. Builds everything.
-    ///
-    /// # Errors
-    /// As for [`LazyScene::closest_hits`].
-    pub fn closest_points(
-        &self,
-        points: &[[f32; 3]],
-        closest: &mut [SceneClosestPoint],
-        options: &SceneClosestPointOptions<'_>,
-    ) -> Result<QueryReport, LazyError> {
-        self.complete(options.watch)?;
-        Ok(self.state().accelerator.closest_points(points, closest, options)?)
     }
 
     /// Asks what is built; then builds the first that each ray reaches before its answer, and asks those rays again, until none reaches

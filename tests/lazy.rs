@@ -4,11 +4,11 @@ use splitplane::core::watch::{Progress, Watch};
 use splitplane::objects::{
     Instance, InstanceId, LazyError, LazyScene, Scene, SceneAccelerator, SceneAllHitsOptions,
     SceneBuildError, SceneClosestPoint, SceneClosestPointOptions, SceneHit, SceneOptions,
-    translation, write_file,
+    SceneOverlapOptions, translation, write_file,
 };
 use splitplane::{
     Accelerator, Accuracy, Backend, BackendInfo, BuildError, BuildOptions, CpuBackend, KdTree,
-    LoadOptions, LocateOptions, Mesh, QueryError, Ray,
+    LoadOptions, LocateOptions, Mesh, QueryError, Ray, Volume,
 };
 use splitplane_test_support::objects::{self, Kind};
 use splitplane_test_support::scenes;
@@ -169,6 +169,25 @@ fn only_what_rays_reach_is_built() {
     let mut right = [SceneClosestPoint::NONE];
     eager(&scene).closest_points(&[[0.0; 3]], &mut right, &options).unwrap();
     assert_eq!(closest, right);
+}
+
+/// Overlaps have no way either: they build everything, and are those of the scene built at once.
+#[test]
+fn overlaps_are_those_of_a_scene_that_is_built_at_once() {
+    let scene = row(5);
+    let volumes = [0.0, -10.0, -25.0].map(|z| Volume::Ball { centre: [0.0, 0.0, z], radius: 8.0 });
+    let options = SceneOverlapOptions::default();
+    let (found, right) = (lazy(&scene), eager(&scene));
+    let met = found.overlaps(&volumes, &options).unwrap();
+    assert_eq!((found.built(), found.waiting()), (5, 0));
+    assert_eq!(met, right.overlaps(&volumes, &options).unwrap());
+    assert!(met.triangles.iter().any(|own| own.instance == 3));
+    let (found, mut any) = (lazy(&scene), [true; 3]);
+    found.overlaps_any(&volumes, &mut any, &options).unwrap();
+    assert_eq!((any, found.waiting()), ([true; 3], 0));
+    let masked = SceneOverlapOptions { mask: 0, ..options };
+    found.overlaps_any(&volumes, &mut any, &masked).unwrap();
+    assert_eq!(any, [false; 3]);
 }
 
 /// Many threads that reach the same geometries at once, many times.

@@ -205,6 +205,32 @@ typedef uint32_t splitplane_shape_kind;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
+// What volumes are.
+enum splitplane_volume_kind
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    // Boxes: 6 numbers each, the lower and the upper corner. Sides may be infinite.
+    SPLITPLANE_VOLUME_KIND_BOX = 0,
+    // Balls: 4 numbers each, the centre and the radius, 0 or more.
+    SPLITPLANE_VOLUME_KIND_BALL = 1,
+    // Capsules: 7 numbers each, both ends of a segment and the radius, 0 or more.
+    SPLITPLANE_VOLUME_KIND_CAPSULE = 2,
+    // Triangles, such as those of another mesh: 9 numbers each.
+    SPLITPLANE_VOLUME_KIND_TRIANGLE = 3,
+    // Sets of half-spaces, such as frusta: 4 numbers for a plane, the normal n, which points outwards and may have any length, and the offset d: the points with n . x <= d.
+    // What is in all half-spaces of a set.
+    SPLITPLANE_VOLUME_KIND_PLANES = 4,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum splitplane_volume_kind splitplane_volume_kind;
+#else
+typedef uint32_t splitplane_volume_kind;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
 // A change to a preset: `traversal_cost`, `intersection_cost`, `block_width`, `max_depth`, `references_per_triangle`, `clip`, `small_node_limit`, `empty_cutoff`,
 // `nodes_per_triangle`, `bins`, `empty_bonus`, `bad_splits`.
 typedef struct splitplane_knob {
@@ -521,6 +547,42 @@ typedef struct splitplane_scene_closest_point {
     uint32_t instance;
 } splitplane_scene_closest_point;
 
+// Volumes in your arrays. One with a number that is NaN, or that is empty, meets nothing.
+typedef struct splitplane_volumes {
+    // A `splitplane_volume_kind`.
+    uint32_t kind;
+    // 0.
+    uint32_t reserved;
+    // Numbers of the first volume, or of the first plane.
+    const float *numbers;
+    // Bytes from one volume, or plane, to the next.
+    size_t stride;
+    // How many volumes.
+    size_t count;
+    // Of sets of planes, where those of each set begin, and after them how many planes there are: `count + 1` numbers, the first 0, none less than the one before. NULL for others.
+    const uint64_t *starts;
+} splitplane_volumes;
+
+// What moves along rays: balls, or capsules, which are all points within a radius of a segment.
+typedef struct splitplane_bodies {
+    // The first radius, 0 or more.
+    const float *radii;
+    // Bytes from one to the next; 0: all have the first one.
+    size_t radius_stride;
+    // Of capsules, x, y and z from the end of the first segment that moves along the ray to the other end; NULL for balls.
+    const float *axes;
+    // Bytes from one to the next; 0: all have the first one.
+    size_t axis_stride;
+} splitplane_bodies;
+
+// What a body touches first.
+typedef struct splitplane_impact {
+    // When, in units of the ray's direction: its least t where they touch from the start. Infinity where nothing is touched.
+    float t;
+    // The triangle's place in your arrays; `SPLITPLANE_NONE` where nothing is touched.
+    uint32_t triangle;
+} splitplane_impact;
+
 // A tree of points.
 typedef struct splitplane_point_tree {
     // A number that means nothing.
@@ -564,6 +626,14 @@ typedef struct splitplane_crossing {
     // 1 where the ray comes from the front: the side from which the corners run counter-clockwise.
     uint32_t front;
 } splitplane_crossing;
+
+// A triangle that a volume meets.
+typedef struct splitplane_overlap {
+    // The triangle's place in the arrays of the mesh or geometry.
+    uint32_t triangle;
+    // The instance; `SPLITPLANE_NONE` for a tree.
+    uint32_t instance;
+} splitplane_overlap;
 
 #ifdef __cplusplus
 extern "C" {
@@ -826,13 +896,14 @@ splitplane_status splitplane_scene_instance(struct splitplane_scene scene,
                                             struct splitplane_instance *instance);
 
 // Brings a scene up to date with its edits: only what changed is made anew. After a failure queries answer once an update has succeeded. `options` and `report` may be NULL.
+// A lazy scene has the settings that it was created with, so its `options` have to be NULL; nothing is built, and the report is 0.
 //
 // Threads: as for `splitplane_scene_add_geometry`.
 splitplane_status splitplane_scene_update(struct splitplane_scene scene,
                                           const struct splitplane_build_options *options,
                                           struct splitplane_update_report *report);
 
-// The digest of a scene: of its geometries' trees and of its instances.
+// The digest of a scene: of its geometries' trees and of its instances. Builds all of a lazy scene, as files do.
 //
 // Threads: any.
 splitplane_status splitplane_scene_digest(struct splitplane_scene scene, uint64_t *digest);
@@ -983,6 +1054,77 @@ splitplane_status splitplane_scene_closest_points(struct splitplane_scene scene,
                                                   size_t closest_stride,
                                                   struct splitplane_report *report);
 
+// Makes a scene without anything, of which a geometry is built when the first ray reaches the box of an instance of it, and nothing that is built hides it. Answers are those of other scenes. Queries
+// may then take memory, call the progress function while they build, and fail as builds do; a geometry that was not built stays unbuilt. Points, overlaps, files and digests build everything.
+//
+// `options`, which may be NULL, holds for all that queries build: `max_memory` for the whole scene. Progress and threads are those of the calls, so here they have to be left as they are.
+//
+// Threads: any.
+splitplane_status splitplane_scene_create_lazy(struct splitplane_backend backend,
+                                               const struct splitplane_build_options *options,
+                                               struct splitplane_scene *scene);
+
+// How many geometries of a lazy scene no query has built; 0 for other scenes.
+//
+// Threads: any.
+splitplane_status splitplane_scene_waiting(struct splitplane_scene scene, size_t *count);
+
+// Builds the geometries of a lazy scene that no query has built; of others it does nothing. `options` may be NULL: progress and threads.
+//
+// Threads: any; it may run beside queries.
+splitplane_status splitplane_scene_complete(struct splitplane_scene scene,
+                                            const struct splitplane_query_options *options);
+
+// The triangles that every volume meets, decided exactly, also where they only touch: a list of `splitplane_overlap` for each volume, in ascending order. Read them by `splitplane_lists_size`,
+// `splitplane_lists_starts` and `splitplane_lists_overlaps`, then free them. `max_memory` of the options limits what they take.
+//
+// Threads: any; one tree may answer many calls at a time.
+splitplane_status splitplane_tree_overlaps(struct splitplane_tree tree,
+                                           const struct splitplane_volumes *volumes,
+                                           const struct splitplane_query_options *options,
+                                           struct splitplane_lists *lists,
+                                           struct splitplane_report *report);
+
+// For every volume, whether it meets any triangle: 1 or 0, `met_stride` bytes apart. As `splitplane_tree_overlaps`, without lists.
+//
+// Threads: any; one tree may answer many calls at a time.
+splitplane_status splitplane_tree_overlaps_any(struct splitplane_tree tree,
+                                               const struct splitplane_volumes *volumes,
+                                               const struct splitplane_query_options *options,
+                                               uint8_t *met,
+                                               size_t met_stride,
+                                               struct splitplane_report *report);
+
+// The triangles of instances that every volume meets in the world: a list for each volume in ascending order of (instance, triangle), as of `splitplane_tree_overlaps`.
+// `SPLITPLANE_STATUS_UNSUPPORTED` where an instance that answers is one of shapes.
+//
+// Threads: any; one scene may answer many calls at a time.
+splitplane_status splitplane_scene_overlaps(struct splitplane_scene scene,
+                                            const struct splitplane_volumes *volumes,
+                                            const struct splitplane_query_options *options,
+                                            struct splitplane_lists *lists);
+
+// For every volume, whether it meets any triangle of an instance: 1 or 0, `met_stride` bytes apart. As `splitplane_scene_overlaps`, without lists.
+//
+// Threads: any; one scene may answer many calls at a time.
+splitplane_status splitplane_scene_overlaps_any(struct splitplane_scene scene,
+                                                const struct splitplane_volumes *volumes,
+                                                const struct splitplane_query_options *options,
+                                                uint8_t *met,
+                                                size_t met_stride);
+
+// What every body that moves along its ray touches first: of equal t the least triangle. `impacts` has room for one record a ray, `impact_stride` bytes apart: 8 where nothing is between them.
+// `options` and `report` may be NULL.
+//
+// Threads: any; one tree may answer many calls at a time.
+splitplane_status splitplane_tree_impacts(struct splitplane_tree tree,
+                                          const struct splitplane_rays *rays,
+                                          const struct splitplane_bodies *bodies,
+                                          const struct splitplane_query_options *options,
+                                          struct splitplane_impact *impacts,
+                                          size_t impact_stride,
+                                          struct splitplane_report *report);
+
 // Builds a tree of points of 1 to 4 coordinates, `point_stride` bytes apart. It has its own copy. `axes` is a `splitplane_point_axes`; of `options`, which may be NULL, preset, layout and knobs stay
 // the defaults. The backend builds the tree and answers; answers are the same on all.
 //
@@ -1055,6 +1197,14 @@ splitplane_status splitplane_lists_crossings(struct splitplane_lists lists,
                                              struct splitplane_crossing *crossings,
                                              size_t crossing_stride,
                                              size_t capacity);
+
+// Writes the triangles of all lists that volumes meet, `overlap_stride` bytes apart: 8 where nothing is between them.
+//
+// Threads: any.
+splitplane_status splitplane_lists_overlaps(struct splitplane_lists lists,
+                                            struct splitplane_overlap *overlaps,
+                                            size_t overlap_stride,
+                                            size_t capacity);
 
 // Writes the points of all lists, `neighbour_stride` bytes apart: 16 where nothing is between them.
 //

@@ -1,6 +1,7 @@
 //! Backends by name.
 
 use std::ffi::c_char;
+use std::sync::Arc;
 
 use library::backend::Engine;
 use library::{Backend as LibraryBackend, BackendKind, OpenOptions, Preset};
@@ -12,7 +13,7 @@ use crate::status::{Failure, Status};
 
 /// A backend, and why it is this one.
 pub struct Opened {
-    pub(crate) engine: Engine,
+    pub(crate) engine: Arc<Engine>,
     reason: String,
 }
 
@@ -22,7 +23,7 @@ impl Opened {
     }
 
     pub(crate) fn is_cpu(&self) -> bool {
-        matches!(self.engine, Engine::Cpu(_))
+        matches!(*self.engine, Engine::Cpu(_))
     }
 }
 
@@ -56,7 +57,7 @@ pub unsafe extern "C" fn splitplane_backend_open(
             })?;
         let options = OpenOptions { adapter, preset: Preset::Fast, ..OpenOptions::default() };
         let found = kind.open_engine(&options)?;
-        let handle = insert(Opened { engine: found.engine, reason: found.reason })?;
+        let handle = insert(Opened { engine: Arc::new(found.engine), reason: found.reason })?;
         // SAFETY: there is room.
         unsafe { write(backend, handle, "backend") }
     })

@@ -11,9 +11,12 @@ mod backend;
 mod batch;
 mod buffer;
 mod build_settings;
+mod built;
+mod casts;
 mod entry;
 mod filter;
 mod handle;
+mod lazy;
 mod lists;
 mod mesh;
 mod opacity;
@@ -30,6 +33,7 @@ mod shapes;
 mod status;
 mod tree;
 mod tree_query;
+mod volumes;
 
 #[cfg(test)]
 mod tests;

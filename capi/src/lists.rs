@@ -1,8 +1,8 @@
 //! Answers of unknown length. A query keeps them behind a handle; a second call writes them where the caller has made room.
 
-use library::AllHits;
-use library::objects::SceneAllHits;
+use library::objects::{SceneAllHits, SceneOverlaps};
 use library::points::Neighbour as Near;
+use library::{AllHits, Overlaps};
 
 use crate::buffer::{Wanted, check, write};
 use crate::entry::entry;
@@ -10,6 +10,7 @@ use crate::handle::{Lists, free, get};
 use crate::options::NONE;
 use crate::record::{Crossing, Neighbour};
 use crate::status::{Failure, Status};
+use crate::volumes::Overlap;
 
 /// What a handle of lists names.
 pub enum Object {
@@ -17,6 +18,10 @@ pub enum Object {
     Tree(AllHits),
     /// Crossings with a scene.
     Scene(SceneAllHits),
+    /// Triangles of a mesh that volumes meet.
+    TreeOverlaps(Overlaps),
+    /// Triangles of instances that volumes meet.
+    SceneOverlaps(SceneOverlaps),
     /// Points.
     Points {
         /// Where the records of each query begin, and how many there are.
@@ -31,6 +36,8 @@ impl Object {
         match self {
             Object::Tree(all) => &all.starts,
             Object::Scene(all) => &all.starts,
+            Object::TreeOverlaps(all) => &all.starts,
+            Object::SceneOverlaps(all) => &all.starts,
             Object::Points { starts, .. } => starts,
         }
     }
@@ -39,6 +46,8 @@ impl Object {
         match self {
             Object::Tree(all) => all.crossings.len(),
             Object::Scene(all) => all.crossings.len(),
+            Object::TreeOverlaps(all) => all.triangles.len(),
+            Object::SceneOverlaps(all) => all.triangles.len(),
             Object::Points { found, .. } => found.len(),
         }
     }
@@ -142,7 +151,44 @@ pub unsafe extern "C" fn splitplane_lists_crossings(
                     wanted.set(place, Crossing { t, triangle, u, v, geometry, instance, front });
                 }
             }
-            Object::Points { .. } => return Err(other_kind("crossings")),
+            _ => return Err(other_kind("crossings")),
+        }
+        Ok(())
+    })
+}
+
+/// Writes the triangles of all lists that volumes meet, `overlap_stride` bytes apart: 8 where nothing is between them.
+///
+/// Threads: any.
+///
+/// # Safety
+/// `overlaps` has room for `capacity` records.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn splitplane_lists_overlaps(
+    lists: Lists,
+    overlaps: *mut Overlap,
+    overlap_stride: usize,
+    capacity: usize,
+) -> Status {
+    entry(|| {
+        let object = get(lists)?;
+        let count = object.records();
+        if !matches!(&*object, Object::TreeOverlaps(_) | Object::SceneOverlaps(_)) {
+            return Err(other_kind("triangles that volumes meet"));
+        }
+        room(capacity, count)?;
+        // SAFETY: as the caller says.
+        let mut wanted = unsafe { Wanted::new(overlaps, overlap_stride, count, "overlaps")? };
+        let mut set = |place, triangle, instance| wanted.set(place, Overlap { triangle, instance });
+        match &*object {
+            Object::TreeOverlaps(all) => {
+                all.triangles.iter().enumerate().for_each(|(place, own)| set(place, *own, NONE));
+            }
+            Object::SceneOverlaps(all) => {
+                let all = all.triangles.iter().enumerate();
+                all.for_each(|(place, own)| set(place, own.triangle, own.instance));
+            }
+            _ => {}
         }
         Ok(())
     })

@@ -2,11 +2,12 @@
 
 use library::objects::{
     Filter, IgnoredTriangle, InstanceId, SceneAllHitsOptions, SceneClosestPointOptions,
-    SceneOptions,
+    SceneOptions, SceneOverlapOptions,
 };
 use library::{
-    Accuracy as LibraryAccuracy, AllHitsOptions, ClosestPointOptions, Culling as LibraryCulling,
-    LocateOptions, QueryOptions as LibraryQueryOptions, Watch,
+    Accuracy as LibraryAccuracy, AllHitsOptions, CastOptions, ClosestPointOptions,
+    Culling as LibraryCulling, LocateOptions, OverlapOptions, QueryOptions as LibraryQueryOptions,
+    Watch,
 };
 
 use crate::filter::{HitFilter, PointFilter};
@@ -54,6 +55,12 @@ impl Uses {
     pub(crate) const SCENE_HITS: Uses = Uses { instances: true, filter: true, ..Uses::HITS };
     pub(crate) const SCENE_ALL_HITS: Uses =
         Uses { instances: true, filter: true, ..Uses::ALL_HITS };
+    pub(crate) const COMPLETE: Uses = Uses::NOTHING;
+    pub(crate) const OVERLAPS: Uses = Uses { ignore: true, max_memory: true, ..Uses::NOTHING };
+    pub(crate) const OVERLAPS_ANY: Uses = Uses { ignore: true, ..Uses::NOTHING };
+    pub(crate) const IMPACTS: Uses = Uses { ignore: true, ..Uses::NOTHING };
+    pub(crate) const SCENE_OVERLAPS: Uses = Uses { instances: true, ..Uses::OVERLAPS };
+    pub(crate) const SCENE_OVERLAPS_ANY: Uses = Uses { instances: true, ..Uses::OVERLAPS_ANY };
     pub(crate) const SCENE_CLOSEST_POINTS: Uses = Uses { instances: true, ..Uses::CLOSEST_POINTS };
 }
 
@@ -142,6 +149,22 @@ impl Query {
     pub(crate) fn closest<'a>(&self, watch: Option<&'a dyn Watch>) -> ClosestPointOptions<'a> {
         let Query { max_distance, ignore, .. } = *self;
         ClosestPointOptions { max_distance, ignore, watch }
+    }
+
+    pub(crate) fn overlaps<'a>(&self, watch: Option<&'a dyn Watch>) -> OverlapOptions<'a> {
+        OverlapOptions { ignore: self.ignore, max_memory: self.max_memory, watch }
+    }
+
+    pub(crate) fn impacts<'a>(&self, watch: Option<&'a dyn Watch>) -> CastOptions<'a> {
+        CastOptions { ignore: self.ignore, watch }
+    }
+
+    pub(crate) fn scene_overlaps<'a>(
+        &self,
+        watch: Option<&'a dyn Watch>,
+    ) -> SceneOverlapOptions<'a> {
+        let Query { mask, max_memory, .. } = *self;
+        SceneOverlapOptions { mask, ignore: self.ignored(), max_memory, watch }
     }
 
     fn ignored(&self) -> Option<IgnoredTriangle> {

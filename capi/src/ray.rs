@@ -184,6 +184,18 @@ impl<'a> View<'a> {
         Ok(())
     }
 
+    /// The same, some at a time whatever they are.
+    pub(crate) fn in_small_parts(
+        &self,
+        mut show: impl FnMut(&[Ray], usize) -> Result<(), Failure>,
+    ) -> Result<(), Failure> {
+        self.in_parts(|rays, first| {
+            rays.chunks(CHUNK)
+                .enumerate()
+                .try_for_each(|(number, part)| show(part, first + number * CHUNK))
+        })
+    }
+
     fn gather(&self, records: &mut [Ray], first: usize) {
         let fill = |number: usize, records: &mut [Ray]| {
             for (place, record) in records.iter_mut().enumerate() {

@@ -5,14 +5,15 @@ use std::sync::{Arc, RwLock, RwLockReadGuard};
 
 use library::objects::file::SceneFile;
 use library::objects::{
-    GeometryId, Instance as Described, InstanceId, Scene as Description, SceneAccelerator,
-    TopUpdate, write_file,
+    GeometryId, Instance as Described, InstanceId, Scene as Description, TopUpdate,
+    UpdateReport as LibraryReport,
 };
 use library::{BuildOptions as LibraryBuildOptions, LoadOptions};
 
 use crate::backend::{Opened, hand_over};
 use crate::buffer::{check, check_offer, offer, read, text, write};
 use crate::build_settings::Build;
+use crate::built::Built;
 use crate::entry::entry;
 use crate::handle::{Backend, Scene, free, get, insert};
 use crate::mesh::{Copies, Mesh};
@@ -24,10 +25,10 @@ use crate::tree::{change, fetch, look, memory, store};
 /// A scene and its backend.
 pub struct State {
     pub(crate) description: Description,
-    pub(crate) built: Box<dyn SceneAccelerator>,
-    opened: Arc<Opened>,
+    pub(crate) built: Built,
+    pub(crate) opened: Arc<Opened>,
     /// Whether the description was edited since it was built.
-    edited: bool,
+    pub(crate) edited: bool,
 }
 
 /// What a handle of a scene names.
@@ -106,6 +107,7 @@ pub unsafe extern "C" fn splitplane_scene_create(backend: Backend, scene: *mut S
         check(scene, "scene")?;
         let (opened, description) = (get(backend)?, Description::new());
         let built = opened.backend().build_scene(&description, &LibraryBuildOptions::default())?;
+        let built = Built::Whole(built);
         let state = State { description, built, opened, edited: false };
         // SAFETY: there is room.
         unsafe { write(scene, insert(RwLock::new(state))?, "scene") }
@@ -273,6 +275,7 @@ pub unsafe extern "C" fn splitplane_scene_instance(
 }
 
 /// Brings a scene up to date with its edits: only what changed is made anew. After a failure queries answer once an update has succeeded. `options` and `report` may be NULL.
+/// A lazy scene has the settings that it was created with, so its `options` have to be NULL; nothing is built, and the report is 0.
 ///
 /// Threads: as for `splitplane_scene_add_geometry`.
 ///
@@ -287,13 +290,24 @@ pub unsafe extern "C" fn splitplane_scene_update(
     entry(|| {
         check_offer(report, "report")?;
         let object = get(scene)?;
+        let given = !options.is_null();
         // SAFETY: as the caller says.
         let build = unsafe { Build::read(options)? };
         let (mut state, options) = (change(&object)?, build.options());
+        if given && matches!(state.built, Built::Lazy(_)) {
+            let text = "options: a lazy scene has the settings that it was created with";
+            return Err(Failure::new(Status::Option, text));
+        }
         let State { description, built, opened, edited } = &mut *state;
-        let done = pool::run(build.threads, || {
-            Ok(opened.backend().update_scene(&mut **built, description, &options)?)
-        })?;
+        let done = match built {
+            Built::Whole(built) => pool::run(build.threads, || {
+                Ok(opened.backend().update_scene(&mut **built, description, &options)?)
+            })?,
+            Built::Lazy(lazy) => {
+                lazy.update(description)?;
+                LibraryReport::default()
+            }
+        };
         *edited = false;
         let found = UpdateReport {
             geometries_built: done.geometries_built,
@@ -307,7 +321,7 @@ pub unsafe extern "C" fn splitplane_scene_update(
     })
 }
 
-/// The digest of a scene: of its geometries' trees and of its instances.
+/// The digest of a scene: of its geometries' trees and of its instances. Builds all of a lazy scene, as files do.
 ///
 /// Threads: any.
 ///
@@ -318,7 +332,7 @@ pub unsafe extern "C" fn splitplane_scene_digest(scene: Scene, digest: *mut u64)
     entry(|| {
         check(digest, "digest")?;
         let object = get(scene)?;
-        let found = current(&object)?.built.scene().digest().0;
+        let found = current(&object)?.built.digest()?.0;
         // SAFETY: there is room.
         unsafe { write(digest, found, "digest") }
     })
@@ -327,7 +341,7 @@ pub unsafe extern "C" fn splitplane_scene_digest(scene: Scene, digest: *mut u64)
 fn file_of(scene: Scene) -> Result<Vec<u8>, Failure> {
     let object = get(scene)?;
     let state = current(&object)?;
-    Ok(write_file(state.built.scene())?)
+    state.built.to_bytes()
 }
 
 /// Writes a scene file: meshes, trees and instances.
@@ -420,6 +434,7 @@ unsafe fn load(
     let (description, built) = pool::run(build.threads, || {
         Ok(opened.backend().load_scene(&SceneFile::parse(bytes)?, &limits)?)
     })?;
+    let built = Built::Whole(built);
     let state = State { description, built, opened, edited: false };
     // SAFETY: there is room.
     unsafe { write(scene, insert(RwLock::new(state))?, "scene") }

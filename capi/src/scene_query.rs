@@ -115,7 +115,7 @@ pub unsafe extern "C" fn splitplane_scene_all_hits(
         let built = &state.built;
         let all = pool::run(query.threads, || {
             let options = query.scene_all_hits(watch(&query.caller));
-            rays.all(|rays| Ok(built.all_hits(rays, &options)?))
+            rays.all(|rays| built.all_hits(rays, &options))
         })?;
         let mut found = Report::default();
         found.add(&all.report);
@@ -153,7 +153,7 @@ pub unsafe extern "C" fn splitplane_scene_count_hits(
         let built = &state.built;
         let found = pool::run(query.threads, || {
             batch::rays(&rays, &mut wanted, 0u64, query.caller, |rays, counts, watch| {
-                Ok(built.count_hits(rays, counts, &query.scene_all_hits(watch))?)
+                built.count_hits(rays, counts, &query.scene_all_hits(watch))
             })
         })?;
         // SAFETY: as the caller says.
@@ -192,7 +192,7 @@ pub unsafe extern "C" fn splitplane_scene_locate(
         let built = &state.built;
         let found = pool::run(query.threads, || {
             located(&given, &mut wanted, &query, |points, watch| {
-                Ok(built.locate(points, &query.locate(watch))?)
+                built.locate(points, &query.locate(watch))
             })
         })?;
         // SAFETY: as the caller says.
@@ -237,7 +237,7 @@ pub unsafe extern "C" fn splitplane_scene_closest_points(
                 Closest::NONE,
                 query.caller,
                 |points, found, watch| {
-                    Ok(built.closest_points(points, found, &query.scene_closest(watch))?)
+                    built.closest_points(points, found, &query.scene_closest(watch))
                 },
             )
         })?;

@@ -3,4 +3,5 @@
 mod answers;
 mod header;
 mod misuse;
+mod near;
 mod own;

@@ -107,6 +107,16 @@ static void live_once(splitplane_backend backend, unsigned round) {
     need("all hits", splitplane_tree_all_hits(tree, &rays, NULL, &lists, NULL));
     need("free lists", splitplane_lists_free(lists));
     expect("free twice", splitplane_lists_free(lists), SPLITPLANE_STATUS_HANDLE);
+    const float box[6] = {1, 1, 0, 4, 4, 2}, radius = 0.25f;
+    const splitplane_volumes volumes = {SPLITPLANE_VOLUME_KIND_BOX, 0, box, sizeof box, 1, NULL};
+    const splitplane_bodies bodies = {&radius, 0, NULL, 0};
+    splitplane_impact impacts[RAYS];
+    need("overlaps", splitplane_tree_overlaps(tree, &volumes, NULL, &lists, NULL));
+    need("free lists", splitplane_lists_free(lists));
+    need("impacts", splitplane_tree_impacts(tree, &rays, &bodies, NULL, impacts, sizeof impacts[0], NULL));
+    if (impacts[50].triangle == SPLITPLANE_NONE || impacts[50].t >= hits[50].t) {
+        fail("no impact", SPLITPLANE_STATUS_OK);
+    }
     if (round % 8 == 0) {
         const splitplane_instance instance = {{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0}, 0, UINT32_MAX, 0, 0};
         splitplane_scene scene;
@@ -118,9 +128,19 @@ static void live_once(splitplane_backend backend, unsigned round) {
         need("instance", splitplane_scene_add_instance(scene, &instance, &name));
         need("update", splitplane_scene_update(scene, NULL, NULL));
         need("scene hits", splitplane_scene_closest_hits(scene, &rays, NULL, scene_hits, sizeof scene_hits[0], NULL));
+        need("scene overlaps", splitplane_scene_overlaps(scene, &volumes, NULL, &lists));
+        need("free lists", splitplane_lists_free(lists));
+        /* The same, built when rays reach it. */
+        splitplane_scene lazy;
+        need("lazy scene", splitplane_scene_create_lazy(backend, NULL, &lazy));
+        need("geometry", splitplane_scene_add_geometry(lazy, &mesh, &name));
+        need("instance", splitplane_scene_add_instance(lazy, &instance, &name));
+        need("update", splitplane_scene_update(lazy, NULL, NULL));
+        need("lazy hits", splitplane_scene_closest_hits(lazy, &rays, NULL, scene_hits, sizeof scene_hits[0], NULL));
+        need("free lazy", splitplane_scene_free(lazy));
         /* The same with shapes, an opacity mask and a filter. */
-        const float box[6] = {-99, -99, 0, 99, 99, 0};
-        const splitplane_shapes shapes = {SPLITPLANE_SHAPE_KIND_OWN, 0, box, sizeof box, 1, plane, NULL, released};
+        const float flat[6] = {-99, -99, 0, 99, 99, 0};
+        const splitplane_shapes shapes = {SPLITPLANE_SHAPE_KIND_OWN, 0, flat, sizeof flat, 1, plane, NULL, released};
         splitplane_query_options filtered;
         need("options", splitplane_query_options_init(&filtered, sizeof filtered));
         filtered.filter = keep;

@@ -49,8 +49,15 @@ enum {
     /* Filters of hits. */
     FILTERS = 1 << 29,
     SHAPES = 1 << 30,
-    OPACITY = -2147483647 - 1,
 };
+/* Constants of an enum are no longer than an int. */
+#define OPACITY ((uint64_t)1 << 31)
+#define VOLUMES ((uint64_t)1 << 32)
+#define BODIES ((uint64_t)1 << 33)
+/* Lists of triangles that volumes meet. */
+#define MET ((uint64_t)1 << 34)
+/* What builds later. */
+#define LAZY ((uint64_t)1 << 35)
 
 enum { FEW = 40 };
 
@@ -60,7 +67,7 @@ typedef struct {
     splitplane_tree tree;
     splitplane_scene scene;
     splitplane_point_tree cloud;
-    splitplane_lists lists;
+    splitplane_lists lists, met;
     splitplane_mesh mesh_record;
     const splitplane_mesh *mesh;
     splitplane_rays rays_record;
@@ -90,6 +97,10 @@ typedef struct {
     const uint32_t *opacity_words;
     size_t opacity_count;
     splitplane_opacity opacity;
+    splitplane_volumes volumes_record;
+    const splitplane_volumes *volumes;
+    splitplane_bodies bodies_record;
+    const splitplane_bodies *bodies;
 } args;
 
 /* Arrays that stay. */
@@ -99,6 +110,9 @@ static const uint32_t faces[12][3] = {{0, 2, 3}, {0, 3, 1}, {4, 5, 7}, {4, 7, 6}
 static uint32_t bad_faces[12][3];
 static float ray_words[FEW][8];
 static float point_words[FEW][4];
+static float volume_words[FEW][6], radius_words[2 * FEW];
+/* Where sets of planes begin: in order, and not. */
+static uint64_t plane_starts[FEW + 1], falling_starts[FEW + 1], late_starts[FEW + 1], endless_starts[FEW + 1];
 static uint64_t answers[FEW * 64];
 static uint64_t room_words[64];
 static splitplane_report report;
@@ -167,6 +181,15 @@ CALL(do_cloud_summary, splitplane_point_tree_get_summary(a->cloud, a->room))
 CALL(do_cloud_digest, splitplane_point_tree_digest(a->cloud, a->room))
 CALL(do_nearest, splitplane_point_tree_nearest(a->cloud, a->points, a->point_stride, a->point_count, a->k, a->query, a->out, a->out_stride))
 CALL(do_within, splitplane_point_tree_within(a->cloud, a->points, a->point_stride, a->point_count, a->query, a->room))
+CALL(do_overlaps, splitplane_tree_overlaps(a->tree, a->volumes, a->query, a->room, a->report))
+CALL(do_overlaps_any, splitplane_tree_overlaps_any(a->tree, a->volumes, a->query, a->out, a->out_stride, a->report))
+CALL(do_impacts, splitplane_tree_impacts(a->tree, a->rays, a->bodies, a->query, a->out, a->out_stride, a->report))
+CALL(do_scene_overlaps, splitplane_scene_overlaps(a->scene, a->volumes, a->query, a->room))
+CALL(do_scene_overlaps_any, splitplane_scene_overlaps_any(a->scene, a->volumes, a->query, a->out, a->out_stride))
+CALL(do_scene_create_lazy, splitplane_scene_create_lazy(a->backend, a->build, a->room))
+CALL(do_waiting, splitplane_scene_waiting(a->scene, a->room))
+CALL(do_complete, splitplane_scene_complete(a->scene, a->query))
+CALL(do_lists_overlaps, splitplane_lists_overlaps(a->met, a->out, a->out_stride, a->capacity))
 CALL(do_lists_size, splitplane_lists_size(a->lists, a->room, (size_t *)answers))
 CALL(do_lists_starts, splitplane_lists_starts(a->lists, a->room, a->capacity))
 CALL(do_lists_crossings, splitplane_lists_crossings(a->lists, a->out, a->out_stride, a->capacity))
@@ -182,12 +205,13 @@ static void no_hit(void *user, uint32_t primitive, const float *ray, splitplane_
 #define ALL (RAYS | QUERY | REPORT | NO_ACCURACY | NO_DISTANCE)
 #define INSIDE (POINTS | QUERY | OUT | WORDS | REPORT | NO_ACCURACY | NO_CULLING | NO_MASK | NO_DISTANCE)
 #define NEAR (POINTS | QUERY | OUT | WORDS | REPORT | NO_ACCURACY | NO_CULLING | NO_MEMORY)
+#define OF_VOLUMES (VOLUMES | QUERY | NO_ACCURACY | NO_CULLING | NO_DISTANCE)
 #define OF_CLOUD (CLOUD | POINTS | QUERY | NO_ACCURACY | NO_CULLING | NO_MASK)
 
 static const struct {
     const char *name;
     splitplane_status (*call)(const args *);
-    uint32_t uses;
+    uint64_t uses;
     /* Bytes of a record that is written. */
     size_t record;
 } calls[] = {
@@ -227,7 +251,7 @@ static const struct {
     {"scene_count_hits", do_scene_count, SCENE | ALL | OUT | WORDS | FILTERS, 8},
     {"scene_add_shapes", do_add_shapes, SCENE | SHAPES | ROOM, 0},
     {"scene_replace_shapes", do_replace_shapes, SCENE | SHAPES | GEOMETRY, 0},
-    {"scene_set_opacity", do_set_opacity, SCENE | GEOMETRY | (uint32_t)OPACITY, 0},
+    {"scene_set_opacity", do_set_opacity, SCENE | GEOMETRY | OPACITY, 0},
     {"scene_make_opacity", do_make_opacity, SCENE | GEOMETRY, 0},
     {"scene_get_opacity", do_get_opacity, SCENE | GEOMETRY | ROOM | CAPACITY, 0},
     {"scene_clear_opacity", do_clear_opacity, SCENE | GEOMETRY, 0},
@@ -238,6 +262,15 @@ static const struct {
     {"point_tree_digest", do_cloud_digest, CLOUD | ROOM, 0},
     {"point_tree_nearest", do_nearest, OF_CLOUD | OUT | WORDS | NEAREST, 16},
     {"point_tree_within", do_within, OF_CLOUD | ROOM, 0},
+    {"tree_overlaps", do_overlaps, TREE | OF_VOLUMES | ROOM | REPORT | NO_MASK, 0},
+    {"tree_overlaps_any", do_overlaps_any, TREE | OF_VOLUMES | OUT | REPORT | NO_MASK | NO_MEMORY, 1},
+    {"tree_impacts", do_impacts, TREE | HITS | WORDS | BODIES | NO_ACCURACY | NO_CULLING | NO_MASK, 8},
+    {"scene_overlaps", do_scene_overlaps, SCENE | OF_VOLUMES | ROOM, 0},
+    {"scene_overlaps_any", do_scene_overlaps_any, SCENE | OF_VOLUMES | OUT | NO_MEMORY, 1},
+    {"scene_create_lazy", do_scene_create_lazy, BACKEND | BUILD | ROOM | IN_RANGE | LAZY, 0},
+    {"scene_waiting", do_waiting, SCENE | ROOM, 0},
+    {"scene_complete", do_complete, SCENE | QUERY | NO_ACCURACY | NO_CULLING | NO_MASK | NO_DISTANCE | NO_MEMORY, 0},
+    {"lists_overlaps", do_lists_overlaps, MET | OUT | WORDS | CAPACITY, 8},
     {"lists_size", do_lists_size, LISTS | ROOM, 0},
     {"lists_starts", do_lists_starts, LISTS | ROOM | CAPACITY, 0},
     {"lists_crossings", do_lists_crossings, LISTS | OUT | WORDS | CAPACITY, 28},
@@ -248,7 +281,7 @@ static const struct {
     static void name(args *a) { statement; }
 #define BYTE(pointer, off) ((void *)((char *)(uintptr_t)(pointer) + (off)))
 
-static uint64_t dead[5];
+static uint64_t dead[6];
 #define HANDLE(handle, place) \
     MISTAKE(handle##_null, a->handle.id = 0) \
     MISTAKE(handle##_made_up, a->handle.id = 0x123456789abcdefu) \
@@ -260,10 +293,13 @@ HANDLE(tree, 1)
 HANDLE(scene, 2)
 HANDLE(cloud, 3)
 HANDLE(lists, 4)
+HANDLE(met, 5)
 MISTAKE(tree_is_scene, a->tree.id = a->scene.id)
 MISTAKE(scene_is_tree, a->scene.id = a->tree.id)
 MISTAKE(cloud_is_lists, a->cloud.id = a->lists.id)
 MISTAKE(lists_is_cloud, a->lists.id = a->cloud.id)
+MISTAKE(met_is_crossings, a->met.id = a->lists.id)
+MISTAKE(crossings_are_met, a->lists.id = a->met.id)
 MISTAKE(backend_is_tree, a->backend.id = a->tree.id)
 
 MISTAKE(mesh_null, a->mesh = NULL)
@@ -369,6 +405,48 @@ MISTAKE(opacity_words_few, a->opacity_count -= 1)
 MISTAKE(opacity_words_many, a->opacity_count += 1)
 MISTAKE(opacity_words_huge, a->opacity_count = SIZE_MAX)
 
+MISTAKE(volumes_null, a->volumes = NULL)
+MISTAKE(volumes_odd, a->volumes = BYTE(a->volumes, 4))
+MISTAKE(volume_kind_unknown, a->volumes_record.kind = 5)
+MISTAKE(volumes_reserved, a->volumes_record.reserved = 1)
+MISTAKE(volume_numbers_null, a->volumes_record.numbers = NULL)
+MISTAKE(volume_numbers_odd, a->volumes_record.numbers = BYTE(a->volumes_record.numbers, 2))
+MISTAKE(volume_stride_0, a->volumes_record.stride = 0)
+MISTAKE(volume_stride_20, a->volumes_record.stride = 20)
+MISTAKE(volume_stride_26, a->volumes_record.stride = 26)
+MISTAKE(volume_stride_huge, a->volumes_record.stride = SIZE_MAX - 3)
+MISTAKE(volume_count_huge, a->volumes_record.count = SIZE_MAX)
+MISTAKE(triangles_are_longer, a->volumes_record.kind = SPLITPLANE_VOLUME_KIND_TRIANGLE)
+MISTAKE(boxes_have_no_starts, a->volumes_record.starts = plane_starts)
+#define PLANES(name, statement) MISTAKE(name, (a->volumes_record.kind = SPLITPLANE_VOLUME_KIND_PLANES, a->volumes_record.starts = plane_starts, statement))
+PLANES(planes_need_starts, a->volumes_record.starts = NULL)
+PLANES(plane_starts_odd, a->volumes_record.starts = BYTE(plane_starts, 4))
+PLANES(plane_starts_fall, a->volumes_record.starts = falling_starts)
+PLANES(plane_starts_late, a->volumes_record.starts = late_starts)
+PLANES(planes_many, a->volumes_record.starts = endless_starts)
+PLANES(plane_stride_12, a->volumes_record.stride = 12)
+PLANES(plane_sets_huge, a->volumes_record.count = SIZE_MAX)
+MISTAKE(out_is_volumes, a->out = volume_words)
+MISTAKE(out_is_starts, (a->volumes_record.kind = SPLITPLANE_VOLUME_KIND_PLANES, a->volumes_record.starts = plane_starts, a->out = plane_starts))
+MISTAKE(volume_memory, a->query_record.max_memory = 16)
+MISTAKE(bodies_null, a->bodies = NULL)
+MISTAKE(bodies_odd, a->bodies = BYTE(a->bodies, 4))
+MISTAKE(radii_null, a->bodies_record.radii = NULL)
+MISTAKE(radii_odd, a->bodies_record.radii = BYTE(a->bodies_record.radii, 1))
+MISTAKE(one_radius_null, (a->bodies_record.radius_stride = 0, a->bodies_record.radii = NULL))
+MISTAKE(radius_stride_2, a->bodies_record.radius_stride = 2)
+MISTAKE(radius_stride_huge, a->bodies_record.radius_stride = SIZE_MAX - 3)
+MISTAKE(axes_odd, a->bodies_record.axes = BYTE(point_words, 2))
+MISTAKE(axis_stride_8, (a->bodies_record.axes = point_words[0], a->bodies_record.axis_stride = 8))
+MISTAKE(out_is_radii, a->out = radius_words)
+MISTAKE(out_is_axes, (a->bodies_record.axes = point_words[0], a->bodies_record.axis_stride = 16, a->out = point_words))
+MISTAKE(lazy_threads, a->build_record.threads = 1)
+static int32_t go_on(void *user, const char *stage, uint64_t done, uint64_t total) {
+    (void)user, (void)stage, (void)done, (void)total;
+    return 0;
+}
+MISTAKE(lazy_progress, a->build_record.progress = go_on)
+
 MISTAKE(points_null, a->points = NULL)
 MISTAKE(points_odd, a->points = BYTE(a->points, 2))
 MISTAKE(point_stride_0, a->point_stride = 0)
@@ -436,7 +514,7 @@ static const struct {
     const char *name;
     void (*make)(args *);
     /* Calls that use all of the first and none of the second. */
-    uint32_t uses, without;
+    uint64_t uses, without;
     splitplane_status status;
 } mistakes[] = {
     FIVE(backend, BACKEND),
@@ -444,6 +522,9 @@ static const struct {
     FIVE(scene, SCENE),
     FIVE(cloud, CLOUD),
     FIVE(lists, LISTS),
+    FIVE(met, MET),
+    ONE(met_is_crossings, MET, HANDLE),
+    ONE(crossings_are_met, LISTS | OUT, HANDLE),
     ONE(tree_is_scene, TREE, HANDLE),
     ONE(scene_is_tree, SCENE, HANDLE),
     ONE(cloud_is_lists, CLOUD, HANDLE),
@@ -506,7 +587,7 @@ static const struct {
     ONE(clip_2, BUILD, OPTION),
     ONE(preset_of_load, LOADS, OPTION),
     ONE(knob_of_load, LOADS, OPTION),
-    BUT(no_memory, BUILD, SCENE, OUT_OF_MEMORY),
+    BUT(no_memory, BUILD, SCENE | LAZY, OUT_OF_MEMORY),
     ONE(query_odd, QUERY, MISALIGNED),
     ONE(query_size_0, QUERY, OPTION),
     ONE(query_size_less, QUERY, OPTION),
@@ -540,12 +621,48 @@ static const struct {
     ONE(spheres_have_no_user, SHAPES, OPTION),
     ONE(own_shapes_need_a_function, SHAPES, NULL_POINTER),
     ONE(own_shapes_need_a_box, SHAPES, STRIDE),
-    ONE(level_13, (uint32_t)OPACITY, OPTION),
-    ONE(opacity_words_null, (uint32_t)OPACITY, NULL_POINTER),
-    ONE(opacity_words_odd, (uint32_t)OPACITY, MISALIGNED),
-    ONE(opacity_words_few, (uint32_t)OPACITY, COUNT),
-    ONE(opacity_words_many, (uint32_t)OPACITY, COUNT),
-    ONE(opacity_words_huge, (uint32_t)OPACITY, COUNT),
+    ONE(level_13, OPACITY, OPTION),
+    ONE(opacity_words_null, OPACITY, NULL_POINTER),
+    ONE(opacity_words_odd, OPACITY, MISALIGNED),
+    ONE(opacity_words_few, OPACITY, COUNT),
+    ONE(opacity_words_many, OPACITY, COUNT),
+    ONE(opacity_words_huge, OPACITY, COUNT),
+    ONE(volumes_null, VOLUMES, NULL_POINTER),
+    ONE(volumes_odd, VOLUMES, MISALIGNED),
+    ONE(volume_kind_unknown, VOLUMES, OPTION),
+    ONE(volumes_reserved, VOLUMES, OPTION),
+    ONE(volume_numbers_null, VOLUMES, NULL_POINTER),
+    ONE(volume_numbers_odd, VOLUMES, MISALIGNED),
+    ONE(volume_stride_0, VOLUMES, STRIDE),
+    ONE(volume_stride_20, VOLUMES, STRIDE),
+    ONE(volume_stride_26, VOLUMES, STRIDE),
+    ONE(volume_stride_huge, VOLUMES, COUNT),
+    ONE(volume_count_huge, VOLUMES, COUNT),
+    ONE(triangles_are_longer, VOLUMES, STRIDE),
+    ONE(boxes_have_no_starts, VOLUMES, OPTION),
+    ONE(planes_need_starts, VOLUMES, NULL_POINTER),
+    ONE(plane_starts_odd, VOLUMES, MISALIGNED),
+    ONE(plane_starts_fall, VOLUMES, OPTION),
+    ONE(plane_starts_late, VOLUMES, OPTION),
+    ONE(planes_many, VOLUMES, COUNT),
+    ONE(plane_stride_12, VOLUMES, STRIDE),
+    ONE(plane_sets_huge, VOLUMES, COUNT),
+    ONE(out_is_volumes, VOLUMES | OUT, OVERLAP),
+    ONE(out_is_starts, VOLUMES | OUT, OVERLAP),
+    ONE(volume_memory, VOLUMES | ROOM, OUT_OF_MEMORY),
+    ONE(bodies_null, BODIES, NULL_POINTER),
+    ONE(bodies_odd, BODIES, MISALIGNED),
+    ONE(radii_null, BODIES, NULL_POINTER),
+    ONE(radii_odd, BODIES, MISALIGNED),
+    ONE(one_radius_null, BODIES, NULL_POINTER),
+    ONE(radius_stride_2, BODIES, STRIDE),
+    ONE(radius_stride_huge, BODIES, COUNT),
+    ONE(axes_odd, BODIES, MISALIGNED),
+    ONE(axis_stride_8, BODIES, STRIDE),
+    ONE(out_is_radii, BODIES | OUT, OVERLAP),
+    ONE(out_is_axes, BODIES | OUT, OVERLAP),
+    ONE(lazy_threads, LAZY, OPTION),
+    ONE(lazy_progress, LAZY, OPTION),
     ONE(points_null, POINTS, NULL_POINTER),
     ONE(points_odd, POINTS, MISALIGNED),
     ONE(point_stride_0, POINTS, STRIDE),
@@ -608,8 +725,19 @@ static void fill(void) {
         for (int axis = 0; axis < 4; axis++) {
             point_words[i][axis] = 0.04f * (float)i + 0.1f * (float)axis;
         }
+        for (int axis = 0; axis < 6; axis++) {
+            volume_words[i][axis] = 0.02f * (float)i + (axis < 3 ? -0.1f : 0.1f);
+        }
+        radius_words[i] = 0.01f;
     }
     memset(endless, 'a', sizeof endless);
+    for (int i = 0; i <= FEW; i++) {
+        /* The planes are the first numbers of the boxes. */
+        plane_starts[i] = falling_starts[i] = endless_starts[i] = (uint64_t)i;
+        late_starts[i] = (uint64_t)i + 1;
+    }
+    falling_starts[7] = 5;
+    endless_starts[FEW] = (uint64_t)1 << 62;
 
     args *a = &good;
     a->mesh_record = (splitplane_mesh){positions[0], 12, 8, faces[0], 12, 12};
@@ -632,6 +760,8 @@ static void fill(void) {
     a->shapes_record.numbers = point_words[0];
     a->shapes_record.stride = sizeof point_words[0];
     a->shapes_record.count = FEW;
+    a->volumes_record = (splitplane_volumes){SPLITPLANE_VOLUME_KIND_BOX, 0, volume_words[0], sizeof volume_words[0], FEW, NULL};
+    a->bodies_record = (splitplane_bodies){radius_words, sizeof radius_words[0], NULL, 0};
     memset(opacity_bits, 255, 24);
     a->level = 2;
     a->opacity_words = opacity_bits;
@@ -653,9 +783,11 @@ static void make(args *a) {
     need(splitplane_scene_update(a->scene, NULL, NULL));
     need(splitplane_point_tree_build(a->backend, a->points, a->point_stride, FEW, 3, 0, NULL, &a->cloud));
     need(splitplane_tree_all_hits(a->tree, &a->rays_record, NULL, &a->lists, NULL));
+    need(splitplane_tree_overlaps(a->tree, &a->volumes_record, NULL, &a->met, NULL));
 }
 
 static void unmake(const args *a) {
+    need(splitplane_lists_free(a->met));
     need(splitplane_lists_free(a->lists));
     need(splitplane_point_tree_free(a->cloud));
     need(splitplane_scene_free(a->scene));
@@ -673,6 +805,8 @@ static void point_into(args *a) {
     a->query = &a->query_record;
     a->instance = &a->instance_record;
     a->shapes = &a->shapes_record;
+    a->volumes = &a->volumes_record;
+    a->bodies = &a->bodies_record;
 }
 
 /* What a call that was to fail has made by mistake, or one that was to succeed. */
@@ -682,11 +816,12 @@ static void drop_room(const char *name) {
         need(splitplane_tree_free((splitplane_tree){id}));
     } else if (strcmp(name, "backend_open") == 0) {
         need(splitplane_backend_free((splitplane_backend){id}));
-    } else if (strcmp(name, "scene_create") == 0 || strncmp(name, "scene_load", 10) == 0) {
+    } else if (strncmp(name, "scene_create", 12) == 0 || strncmp(name, "scene_load", 10) == 0) {
         need(splitplane_scene_free((splitplane_scene){id}));
     } else if (strcmp(name, "point_tree_build") == 0) {
         need(splitplane_point_tree_free((splitplane_point_tree){id}));
-    } else if (strstr(name, "all_hits") || strcmp(name, "point_tree_within") == 0) {
+    } else if (strstr(name, "all_hits") || strcmp(name, "tree_overlaps") == 0 || strcmp(name, "scene_overlaps") == 0 ||
+               strcmp(name, "point_tree_within") == 0) {
         need(splitplane_lists_free((splitplane_lists){id}));
     } else if (strcmp(name, "scene_add_geometry") == 0 || strcmp(name, "scene_add_shapes") == 0) {
         need(splitplane_scene_remove_geometry(good.scene, *(uint32_t *)room_words));
@@ -716,7 +851,7 @@ int main(int count, char **words) {
     args second = good;
     make(&second);
     dead[0] = second.backend.id, dead[1] = second.tree.id, dead[2] = second.scene.id;
-    dead[3] = second.cloud.id, dead[4] = second.lists.id;
+    dead[3] = second.cloud.id, dead[4] = second.lists.id, dead[5] = second.met.id;
     unmake(&second);
     need(splitplane_tree_write(good.tree, &good.mesh_record, NULL, 0, &tree_size));
     need(splitplane_scene_write(good.scene, NULL, 0, &scene_size));
@@ -744,7 +879,7 @@ int main(int count, char **words) {
         drop_room(calls[call].name);
         need(splitplane_scene_update(good.scene, NULL, NULL));
         for (size_t mistake = 0; mistake < COUNT(mistakes); mistake++) {
-            const uint32_t uses = calls[call].uses;
+            const uint64_t uses = calls[call].uses;
             if ((uses & mistakes[mistake].uses) != mistakes[mistake].uses || (uses & mistakes[mistake].without)) {
                 continue;
             }

@@ -3,7 +3,7 @@
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 use splitplane::objects::SceneCrossing;
-use splitplane::{Crossing, Located, QueryError, Watch};
+use splitplane::{Crossing, Located, Watch};
 
 use crate::call::{Part, Watcher};
 use crate::failure::Failure;
@@ -107,7 +107,7 @@ pub(crate) fn located(
     winding: &mut [i32],
     boundary: &mut [bool],
     watcher: &Watcher,
-    ask: impl Fn(&[[f32; 3]], &dyn Watch) -> Result<Located, QueryError>,
+    ask: impl Fn(&[[f32; 3]], &dyn Watch) -> Result<Located, Failure>,
 ) -> Result<Counts, Failure> {
     let (mut sum, total) = (Counts::default(), points.len());
     for (number, few) in points.chunks(POINTS).enumerate() {

@@ -135,6 +135,9 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Call {
+    /// On all cores, without progress.
+    pub(crate) const PLAIN: Call = Call(None, None);
+
     /// Whether somebody wants to know how far the work is.
     pub(crate) fn is_watched(&self) -> bool {
         self.1.is_some()

@@ -3,12 +3,15 @@
 
 mod answers;
 mod arrays;
+mod built;
 mod call;
 mod failure;
+mod ignored;
 mod named;
 mod open;
 mod options;
 mod order;
+mod parts;
 mod points;
 mod pool;
 mod rays;
@@ -28,6 +31,14 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(volumes::overlaps, module)?)?;
     module.add_function(wrap_pyfunction!(volumes::overlaps_any, module)?)?;
     module.add_function(wrap_pyfunction!(volumes::impacts, module)?)?;
+    module.add_function(wrap_pyfunction!(volumes::scene_overlaps, module)?)?;
+    module.add_function(wrap_pyfunction!(volumes::scene_overlaps_any, module)?)?;
+    module.add_function(wrap_pyfunction!(parts::add_shapes, module)?)?;
+    module.add_function(wrap_pyfunction!(parts::replace_shapes, module)?)?;
+    module.add_function(wrap_pyfunction!(parts::kind_of, module)?)?;
+    module.add_function(wrap_pyfunction!(parts::set_opacity, module)?)?;
+    module.add_function(wrap_pyfunction!(parts::opacity, module)?)?;
+    module.add_function(wrap_pyfunction!(parts::opacity_cells, module)?)?;
     module.add_function(wrap_pyfunction!(open::describe, module)?)?;
     module.add_function(wrap_pyfunction!(open::mesh_digest, module)?)?;
     module.add("VERSION", env!("CARGO_PKG_VERSION"))?;

@@ -13,7 +13,7 @@ use crate::failure::Failure;
 
 /// A backend, and why it is this one.
 pub(crate) struct Opened {
-    pub engine: Engine,
+    pub engine: Arc<Engine>,
     /// `cpu` or `wgpu`.
     pub name: String,
     pub reason: String,
@@ -34,7 +34,7 @@ impl Opened {
     pub(crate) fn anew(&self) -> Result<Opened, Failure> {
         let fresh = BackendKind::Cpu.open_engine(&OpenOptions::default())?;
         let (name, reason) = (self.name.clone(), self.reason.clone());
-        Ok(Opened { engine: fresh.engine, name, reason, process: self.process })
+        Ok(Opened { engine: Arc::new(fresh.engine), name, reason, process: self.process })
     }
 
     /// # Errors
@@ -84,7 +84,8 @@ pub(crate) fn open(
         OpenOptions { adapter: adapter.map(str::to_owned), preset, ..OpenOptions::default() };
     let found = py.detach(|| kind.open_engine(&options)).map_err(Failure::from)?;
     let name = found.engine.as_backend().describe().name;
-    let opened = Arc::new(Opened { engine: found.engine, name, reason: found.reason, process });
+    let opened =
+        Arc::new(Opened { engine: Arc::new(found.engine), name, reason: found.reason, process });
     if kind != BackendKind::Cpu {
         let mut known = KNOWN.lock().unwrap_or_else(|broken| broken.into_inner());
         known.push((kind, options.adapter, offline, Arc::clone(&opened)));

@@ -11,25 +11,27 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use splitplane::objects::file::SceneFile;
 use splitplane::objects::{
-    GeometryId, IgnoredTriangle, Instance, InstanceId, Scene as Description, SceneAccelerator,
+    Filter, GeometryId, IgnoredTriangle, Instance, InstanceId, LazyScene, Scene as Description,
     SceneAllHitsOptions, SceneClosestPoint, SceneClosestPointOptions, SceneCrossing, SceneHit,
-    SceneOptions, SceneReport, TopUpdate, write_file,
+    SceneOptions, SceneReport, TopUpdate,
 };
-use splitplane::{BuildOptions, LocateOptions, Mesh, Watch};
+use splitplane::{Backend, BuildOptions, LocateOptions, Mesh, Watch};
 
 use crate::answers::{Columns, Crossings, located};
 use crate::arrays::{flat, reserved, room, room_for_rows, rows};
+use crate::built::Built;
 use crate::call::{Call, Part};
 use crate::failure::Failure;
+use crate::ignored::IgnoredList;
 use crate::open::{Opened, open};
 use crate::options::{Counts, accuracy, add, culling};
 use crate::order::ordered;
 use crate::rays::{CHUNK, LimitArgument, Rays};
 use crate::tree::{BuildArguments, build_options, busy};
 
-struct State {
+pub(crate) struct State {
     description: Description,
-    built: Box<dyn SceneAccelerator>,
+    pub(crate) built: Built,
     opened: Arc<Opened>,
     /// Whether the description was edited since it was built.
     edited: bool,
@@ -41,8 +43,15 @@ pub(crate) struct Scene {
     state: RwLock<State>,
 }
 
-/// Accuracy, culling, mask, ignored (instance, triangle).
-type Options = (String, String, u32, Option<(u32, u32)>);
+/// What rays pass: one (instance, triangle), or rows of them.
+#[derive(FromPyObject)]
+enum Ignore<'py> {
+    One((u32, u32)),
+    Many(PyReadonlyArray2<'py, u32>),
+}
+
+/// Accuracy, culling, mask, what is ignored.
+type Options<'py> = (String, String, u32, Option<Ignore<'py>>);
 
 /// Vertices and faces.
 type Arrays<'py> = (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<u32>>);
@@ -56,8 +65,27 @@ impl Scene {
         self.state.try_write().map_err(|_| busy())
     }
 
+    /// Edits the description. An edit that fails changes nothing.
+    pub(crate) fn edit<T>(
+        &self,
+        work: impl FnOnce(&mut Description) -> Result<T, Failure>,
+    ) -> Result<T, Failure> {
+        let mut state = self.write()?;
+        let done = work(&mut state.description)?;
+        state.edited = true;
+        Ok(done)
+    }
+
+    /// Looks at the description.
+    pub(crate) fn look<T>(
+        &self,
+        work: impl FnOnce(&Description) -> Result<T, Failure>,
+    ) -> Result<T, Failure> {
+        work(&self.read()?.description)
+    }
+
     /// What is built, which has to be what is described.
-    fn current(&self) -> Result<RwLockReadGuard<'_, State>, Failure> {
+    pub(crate) fn current(&self) -> Result<RwLockReadGuard<'_, State>, Failure> {
         let state = self.read()?;
         state.opened.check_process()?;
         match state.edited {
@@ -70,14 +98,33 @@ impl Scene {
     }
 }
 
-fn ignored(ignore: Option<(u32, u32)>) -> Option<IgnoredTriangle> {
+pub(crate) fn ignored(ignore: Option<(u32, u32)>) -> Option<IgnoredTriangle> {
     ignore.map(|(instance, triangle)| IgnoredTriangle { instance: InstanceId(instance), triangle })
 }
 
-fn scene_options<'a>((test, side, mask, ignore): &Options) -> Result<SceneOptions<'a>, Failure> {
-    let (accuracy, culling) = (accuracy(test)?, culling(side)?);
-    let (mask, ignore) = (*mask, ignored(*ignore));
-    Ok(SceneOptions { accuracy, culling, mask, ignore, ..SceneOptions::default() })
+/// Settings of rays, and the list that they refer to.
+struct Asked {
+    options: SceneOptions<'static>,
+    list: Option<IgnoredList>,
+}
+
+impl Asked {
+    fn new((test, side, mask, ignore): &Options<'_>) -> Result<Asked, Failure> {
+        let (accuracy, culling, mask) = (accuracy(test)?, culling(side)?, *mask);
+        let (one, list) = match ignore {
+            None => (None, None),
+            Some(Ignore::One(one)) => (ignored(Some(*one)), None),
+            Some(Ignore::Many(rows)) => (None, Some(IgnoredList::new(rows)?)),
+        };
+        let options =
+            SceneOptions { accuracy, culling, mask, ignore: one, ..SceneOptions::default() };
+        Ok(Asked { options, list })
+    }
+
+    fn options(&self) -> SceneOptions<'_> {
+        let filter = self.list.as_ref().map(|list| -> &dyn Filter { list });
+        SceneOptions { filter, ..self.options }
+    }
 }
 
 fn transform(array: &PyReadonlyArray2<'_, f32>) -> Result<[[f32; 4]; 3], Failure> {
@@ -91,16 +138,38 @@ fn add_scene(sum: &mut Counts, report: &SceneReport) {
     add(sum, &report.geometries);
 }
 
+/// A scene whose geometries are built as rays reach them.
+fn lazily(
+    opened: &Opened,
+    description: &Description,
+    options: &BuildOptions<'_>,
+) -> Result<LazyScene, Failure> {
+    let backend: Arc<dyn Backend> = opened.engine.clone();
+    Ok(LazyScene::new(backend, description, options)?)
+}
+
 #[pymethods]
 impl Scene {
     /// A scene without anything.
     #[new]
-    fn new(py: Python<'_>, preset: &str, backend: (String, Option<String>)) -> PyResult<Scene> {
-        let config = crate::options::config(preset, &BTreeMap::new())?;
+    fn new(
+        py: Python<'_>,
+        arguments: BuildArguments,
+        backend: (String, Option<String>),
+        lazy: bool,
+    ) -> PyResult<Scene> {
+        let options = build_options(&arguments)?;
+        let config = options.config;
         let opened = open(py, &backend.0, backend.1.as_deref(), config.preset())?;
         let description = Description::new();
-        let built = opened.backend().build_scene(&description, &BuildOptions::default());
-        let built = built.map_err(Failure::from)?;
+        let options = BuildOptions { config, ..BuildOptions::default() };
+        let built = match lazy {
+            true => Built::Lazy(Box::new(lazily(&opened, &description, &options)?), None),
+            false => {
+                let built = opened.backend().build_scene(&description, &options);
+                Built::Whole(built.map_err(Failure::from)?)
+            }
+        };
         Ok(Scene { state: RwLock::new(State { description, built, opened, edited: false }) })
     }
 
@@ -121,13 +190,14 @@ impl Scene {
             limits.watch = Some(watcher);
             Ok(opened.backend().load_scene(&SceneFile::parse(bytes)?, &limits)?)
         })?;
+        let built = Built::Whole(built);
         Ok(Scene { state: RwLock::new(State { description, built, opened, edited: false }) })
     }
 
     /// The bytes of a scene file.
     fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let state = self.current()?;
-        let bytes = py.detach(|| write_file(state.built.scene())).map_err(Failure::from)?;
+        let bytes = Call::PLAIN.run(py, |watcher| state.built.to_bytes(watcher))?;
         Ok(PyBytes::new(py, &bytes))
     }
 
@@ -268,22 +338,50 @@ impl Scene {
         let mut state = self.write()?;
         let State { description, built, opened, edited } = &mut *state;
         opened.check_process()?;
-        let report = call.run(py, |watcher| {
+        let done = call.run(py, |watcher| {
             let options = BuildOptions { watch: Some(watcher), ..options };
-            Ok(opened.backend().update_scene(&mut **built, description, &options)?)
+            match built {
+                Built::Whole(scene) => {
+                    let done =
+                        opened.backend().update_scene(&mut **scene, description, &options)?;
+                    Ok(BTreeMap::from([
+                        ("geometries_built", u64::from(done.geometries_built)),
+                        ("geometries_dropped", u64::from(done.geometries_dropped)),
+                        ("instances_changed", u64::from(done.instances_changed)),
+                        ("top_nodes_changed", done.top_nodes_changed),
+                        ("top_rebuilt", u64::from(done.top == TopUpdate::Rebuilt)),
+                    ]))
+                }
+                Built::Lazy(scene, limit) => {
+                    match *limit == options.max_memory {
+                        true => scene.update(description)?,
+                        // The limit is one of the whole scene, so it begins anew.
+                        false => **scene = lazily(opened, description, &options)?,
+                    }
+                    *limit = options.max_memory;
+                    let (kept, waiting) = (scene.built() as u64, scene.waiting() as u64);
+                    Ok(BTreeMap::from([("geometries_kept", kept), ("geometries_waiting", waiting)]))
+                }
+            }
         })?;
         *edited = false;
-        Ok(BTreeMap::from([
-            ("geometries_built", u64::from(report.geometries_built)),
-            ("geometries_dropped", u64::from(report.geometries_dropped)),
-            ("instances_changed", u64::from(report.instances_changed)),
-            ("top_nodes_changed", report.top_nodes_changed),
-            ("top_rebuilt", u64::from(report.top == TopUpdate::Rebuilt)),
-        ]))
+        Ok(done)
     }
 
-    fn digest(&self) -> PyResult<String> {
-        Ok(self.current()?.built.scene().digest().to_string())
+    fn digest(&self, py: Python<'_>) -> PyResult<String> {
+        let state = self.current()?;
+        Call::PLAIN.run(py, |watcher| state.built.digest(watcher))
+    }
+
+    /// Geometries that are not built before rays reach them.
+    fn waiting(&self) -> PyResult<usize> {
+        Ok(self.read()?.built.waiting())
+    }
+
+    /// Builds all that waits.
+    fn complete(&self, py: Python<'_>, call: Call) -> PyResult<()> {
+        let state = self.current()?;
+        call.run(py, |watcher| state.built.complete(watcher))
     }
 
     /// The backend, and why it is this one.
@@ -298,12 +396,13 @@ impl Scene {
         py: Python<'_>,
         rays: PyReadonlyArray2<'_, f32>,
         limits: (LimitArgument<'_>, LimitArgument<'_>),
-        options: Options,
+        options: Options<'_>,
         mut records: PyReadwriteArray2<'_, f32>,
         call: Call,
     ) -> PyResult<Counts> {
         let rays = Rays::new(&rays, &limits.0, &limits.1)?;
-        let options = scene_options(&options)?;
+        let asked = Asked::new(&options)?;
+        let options = asked.options();
         let (total, state) = (rays.len(), self.current()?);
         let hits: &mut [SceneHit] =
             bytemuck::cast_slice_mut(room_for_rows::<f32, 6>(&mut records, total)?);
@@ -327,12 +426,13 @@ impl Scene {
         py: Python<'_>,
         rays: PyReadonlyArray2<'_, f32>,
         limits: (LimitArgument<'_>, LimitArgument<'_>),
-        options: Options,
+        options: Options<'_>,
         mut occluded: PyReadwriteArray1<'_, bool>,
         call: Call,
     ) -> PyResult<Counts> {
         let rays = Rays::new(&rays, &limits.0, &limits.1)?;
-        let options = scene_options(&options)?;
+        let asked = Asked::new(&options)?;
+        let options = asked.options();
         let (total, state) = (rays.len(), self.current()?);
         let (occluded, built) = (room(&mut occluded, total)?, &state.built);
         call.run(py, |watcher| {
@@ -354,12 +454,13 @@ impl Scene {
         py: Python<'py>,
         rays: PyReadonlyArray2<'py, f32>,
         limits: (LimitArgument<'py>, LimitArgument<'py>),
-        options: Options,
+        options: Options<'_>,
         max_memory: Option<u64>,
         call: Call,
     ) -> PyResult<Crossings<'py>> {
         let rays = Rays::new(&rays, &limits.0, &limits.1)?;
-        let options = scene_options(&options)?;
+        let asked = Asked::new(&options)?;
+        let options = asked.options();
         let state = self.current()?;
         let built = &state.built;
         let (columns, counts) = call.run(py, |watcher| {
@@ -385,13 +486,14 @@ impl Scene {
         py: Python<'_>,
         rays: PyReadonlyArray2<'_, f32>,
         limits: (LimitArgument<'_>, LimitArgument<'_>),
-        options: Options,
+        options: Options<'_>,
         max_memory: Option<u64>,
         mut found: PyReadwriteArray1<'_, i64>,
         call: Call,
     ) -> PyResult<Counts> {
         let rays = Rays::new(&rays, &limits.0, &limits.1)?;
-        let options = scene_options(&options)?;
+        let asked = Asked::new(&options)?;
+        let options = asked.options();
         let (total, state) = (rays.len(), self.current()?);
         let (built, found) = (&state.built, room(&mut found, total)?);
         call.run(py, |watcher| {

@@ -340,7 +340,7 @@ impl Tree {
         let accelerator = &state.accelerator;
         call.run(py, |watcher| {
             let ask = |points: &[[f32; 3]], watch: &dyn Watch| {
-                accelerator.locate(points, &LocateOptions { max_memory, watch: Some(watch) })
+                Ok(accelerator.locate(points, &LocateOptions { max_memory, watch: Some(watch) })?)
             };
             located(points, winding, boundary, watcher, ask)
         })

@@ -2,6 +2,7 @@
 
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1};
 use pyo3::prelude::*;
+use splitplane::objects::SceneOverlapOptions;
 use splitplane::{Aabb, Cast, CastOptions, Impact, OverlapOptions, Plane, Ray, Volume, Watch};
 
 use crate::arrays::{flat, reserved, room, rows};
@@ -9,10 +10,18 @@ use crate::call::{Call, Part};
 use crate::failure::Failure;
 use crate::options::{Counts, add, counts};
 use crate::rays::{CHUNK, LimitArgument, Rays};
+use crate::scene::{Scene, ignored};
 use crate::tree::Tree;
 
 /// Starts, triangles, and the counts of the report.
 type Met<'py> = (Bound<'py, PyArray1<i64>>, Bound<'py, PyArray1<u32>>, Counts);
+
+/// Starts, triangles, instances.
+type MetInScene<'py> =
+    (Bound<'py, PyArray1<i64>>, Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<u32>>);
+
+/// Mask, and an (instance, triangle) to ignore.
+type SceneArguments = (u32, Option<(u32, u32)>);
 
 fn point(numbers: &[f32]) -> [f32; 3] {
     [numbers[0], numbers[1], numbers[2]]
@@ -106,6 +115,19 @@ impl<'a> Volumes<'a> {
     }
 }
 
+/// A list of what `of` gives of each.
+fn column<S, T>(from: &[S], of: impl FnMut(&S) -> T) -> Result<Vec<T>, Failure> {
+    let mut own = Vec::new();
+    own.try_reserve_exact(from.len()).map_err(|_| Failure::memory(from.len() * size_of::<T>()))?;
+    own.extend(from.iter().map(of));
+    Ok(own)
+}
+
+/// Where lists begin, as Python has it.
+fn places(starts: &[usize]) -> Result<Vec<i64>, Failure> {
+    column(starts, |&start| start as i64)
+}
+
 /// See `splitplane.Tree.overlaps`.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "what Python hands over, argument by argument")]
@@ -127,11 +149,7 @@ pub(crate) fn overlaps<'py>(
         let all = volumes.all()?;
         let options = OverlapOptions { ignore, max_memory, watch: Some(watcher) };
         let found = accelerator.overlaps(&all, &options)?;
-        let mut starts = Vec::new();
-        let bytes = 8 * found.starts.len();
-        starts.try_reserve_exact(found.starts.len()).map_err(|_| Failure::memory(bytes))?;
-        starts.extend(found.starts.iter().map(|&start| start as i64));
-        Ok((starts, found.triangles, counts(&found.report)))
+        Ok((places(&found.starts)?, found.triangles, counts(&found.report)))
     })?;
     Ok((starts.into_pyarray(py), met.into_pyarray(py), counts))
 }
@@ -158,6 +176,55 @@ pub(crate) fn overlaps_any(
         let all = volumes.all()?;
         let options = OverlapOptions { ignore, max_memory: None, watch: Some(watcher) };
         Ok(counts(&accelerator.overlaps_any(&all, found, &options)?))
+    })
+}
+
+/// See `splitplane.Scene.overlaps`.
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "what Python hands over, argument by argument")]
+pub(crate) fn scene_overlaps<'py>(
+    py: Python<'py>,
+    scene: &Scene,
+    kind: &str,
+    volumes: PyReadonlyArray2<'py, f32>,
+    starts: PyReadonlyArray1<'py, i64>,
+    own: SceneArguments,
+    max_memory: Option<u64>,
+    call: Call,
+) -> PyResult<MetInScene<'py>> {
+    let volumes = Volumes::new(kind, &volumes, &starts)?;
+    let (state, (mask, ignore)) = (scene.current()?, (own.0, ignored(own.1)));
+    let built = &state.built;
+    let (starts, triangles, instances) = call.run(py, |watcher| {
+        let options = SceneOverlapOptions { mask, ignore, max_memory, watch: Some(watcher) };
+        let found = built.overlaps(&volumes.all()?, &options)?;
+        let triangles = column(&found.triangles, |own| own.triangle)?;
+        let instances = column(&found.triangles, |own| own.instance)?;
+        Ok((places(&found.starts)?, triangles, instances))
+    })?;
+    Ok((starts.into_pyarray(py), triangles.into_pyarray(py), instances.into_pyarray(py)))
+}
+
+/// See `splitplane.Scene.overlaps_any`.
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "what Python hands over, argument by argument")]
+pub(crate) fn scene_overlaps_any(
+    py: Python<'_>,
+    scene: &Scene,
+    kind: &str,
+    volumes: PyReadonlyArray2<'_, f32>,
+    starts: PyReadonlyArray1<'_, i64>,
+    own: SceneArguments,
+    mut found: PyReadwriteArray1<'_, bool>,
+    call: Call,
+) -> PyResult<()> {
+    let volumes = Volumes::new(kind, &volumes, &starts)?;
+    let found = room(&mut found, volumes.len())?;
+    let (state, (mask, ignore)) = (scene.current()?, (own.0, ignored(own.1)));
+    let built = &state.built;
+    call.run(py, |watcher| {
+        let options = SceneOverlapOptions { mask, ignore, max_memory: None, watch: Some(watcher) };
+        built.overlaps_any(&volumes.all()?, found, &options)
     })
 }
 

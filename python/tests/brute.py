@@ -69,3 +69,65 @@ def closest_brute(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -
             distance = np.minimum(distance, np.linalg.norm(p + s[:, None] * edge - point, axis=1))
         best.append(distance.min())
     return np.array(best)
+
+
+def faces_met_by_box(vertices: np.ndarray, faces: np.ndarray, box: np.ndarray) -> np.ndarray:
+    """The faces that a box meets, by separating axes (Akenine-Moeller 2001)."""
+    lo, hi = box[:3].astype(float), box[3:].astype(float)
+    middle, half = (lo + hi) / 2, (hi - lo) / 2
+    corners = vertices.astype(float)[faces] - middle
+    edges = np.roll(corners, -1, axis=1) - corners
+    apart = np.zeros(len(faces), bool)
+    axes = [np.tile(axis, (len(faces), 1)) for axis in np.eye(3)] + [np.cross(edges[:, 0], edges[:, 1])]
+    axes += [np.cross(edges[:, k], axis) for k in range(3) for axis in np.eye(3)]
+    for axis in axes:
+        along = np.einsum("fij,fj->fi", corners, axis)
+        reach = np.abs(axis) @ half
+        apart |= (along.min(1) > reach) | (along.max(1) < -reach)
+    return np.nonzero(~apart)[0]
+
+
+def all_hits_brute(vertices: np.ndarray, faces: np.ndarray, ray: np.ndarray) -> tuple[np.ndarray, ...]:
+    """t, u and v of a ray and each face, and whether it is hit."""
+    a, b, c = (np.asarray(vertices, float)[faces[:, k]] for k in range(3))
+    o, d = np.asarray(ray, float)[:3], np.asarray(ray, float)[3:]
+    e, f = b - a, c - a
+    p = np.cross(d, f)
+    det = (e * p).sum(1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s = o - a
+        u = (s * p).sum(1) / det
+        q = np.cross(s, e)
+        v, t = (q @ d) / det, (f * q).sum(1) / det
+    return t, u, v, (det != 0) & (u >= 0) & (v >= 0) & (u + v <= 1) & (t >= 0)
+
+
+def capsules_hit(ends: np.ndarray, radius: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """t of the first surface of each ray, and which capsule: the nearest roots of both balls, and of the tube between them. Ends alike: spheres."""
+    ts = []
+    for ray in np.asarray(rays, float):
+        o, d = ray[:3], ray[3:]
+        found = []
+        for (a, b), r in zip(np.asarray(ends, float), np.asarray(radius, float)):
+            own = [np.inf]
+            n = b - a
+            length = np.linalg.norm(n)
+            n = n / length if length > 0 else n
+            for middle in (a, b):
+                s = o - middle
+                roots = np.roots([d @ d, 2 * s @ d, s @ s - r * r])
+                own += [t.real for t in roots if abs(t.imag) < 1e-12 and t.real >= 0 and outside(o + t.real * d, a, b, n, length)]
+            if length > 0:
+                s = o - a
+                across, sideways = d - (d @ n) * n, s - (s @ n) * n
+                roots = np.roots([across @ across, 2 * sideways @ across, sideways @ sideways - r * r])
+                own += [t.real for t in roots if abs(t.imag) < 1e-12 and t.real >= 0 and 0 <= (o + t.real * d - a) @ n <= length]
+            found.append(min(own))
+        ts.append(found)
+    ts = np.array(ts)
+    return ts.min(1), ts.argmin(1)
+
+
+def outside(place: np.ndarray, a: np.ndarray, b: np.ndarray, n: np.ndarray, length: float) -> bool:
+    """Whether a place of an end's ball is of the capsule's surface: not beside the segment."""
+    return length == 0 or not 0 < (place - a) @ n < length

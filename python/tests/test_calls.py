@@ -57,10 +57,11 @@ def test_what_progress_raises_ends_the_work() -> None:
         if done:
             raise Enough
 
-    begun = time.monotonic()
+    # CPU time, which other processes do not lengthen; the whole work takes minutes of it.
+    begun = time.process_time()
     with pytest.raises(Enough):
         tree.closest_points(points, progress=progress)
-    assert time.monotonic() - begun < 10
+    assert time.process_time() - begun < 10
     assert tree.closest_points([0, 0, 3]).distance == pytest.approx(2, abs=1e-3)
 
 

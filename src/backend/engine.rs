@@ -1,6 +1,13 @@
 //! Backends by their concrete types, for callers that need more than the trait.
 
-use splitplane_core::backend::Backend;
+use splitplane_core::backend::scene::{SceneAccelerator, UpdateReport};
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions};
+use splitplane_core::error::BuildError;
+use splitplane_core::mesh::Mesh;
+use splitplane_core::report::BackendInfo;
+use splitplane_core::scene::file::SceneFile;
+use splitplane_core::scene::{Scene, SceneBuildError};
+use splitplane_core::tree::KdTree;
 
 #[cfg(any(feature = "cpu", feature = "wgpu"))]
 use crate::points::{AnyPointTree, PointBuildError, PointOptions};
@@ -57,6 +64,72 @@ impl Engine {
             #[cfg(feature = "wgpu")]
             Engine::Wgpu(backend) => Box::new(backend),
         }
+    }
+}
+
+/// The backend itself, so that what keeps one behind an `Arc`, as lazy scenes do, can share it with its owner. Every call is handed on.
+impl Backend for Engine {
+    fn describe(&self) -> BackendInfo {
+        self.as_backend().describe()
+    }
+
+    fn build(
+        &self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<Box<dyn Accelerator>, BuildError> {
+        self.as_backend().build(mesh, options)
+    }
+
+    fn rebuild(
+        &self,
+        accelerator: &mut Box<dyn Accelerator>,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<(), BuildError> {
+        self.as_backend().rebuild(accelerator, mesh, options)
+    }
+
+    fn load(
+        &self,
+        mesh: &Mesh<'_>,
+        tree: KdTree,
+        options: &LoadOptions<'_>,
+    ) -> Result<Box<dyn Accelerator>, BuildError> {
+        self.as_backend().load(mesh, tree, options)
+    }
+
+    fn build_scene(
+        &self,
+        scene: &Scene,
+        options: &BuildOptions<'_>,
+    ) -> Result<Box<dyn SceneAccelerator>, SceneBuildError> {
+        self.as_backend().build_scene(scene, options)
+    }
+
+    fn update_scene(
+        &self,
+        built: &mut dyn SceneAccelerator,
+        scene: &Scene,
+        options: &BuildOptions<'_>,
+    ) -> Result<UpdateReport, SceneBuildError> {
+        self.as_backend().update_scene(built, scene, options)
+    }
+
+    fn answers_own_shapes(&self) -> bool {
+        self.as_backend().answers_own_shapes()
+    }
+
+    fn check_shapes(&self, scene: &Scene) -> Result<(), SceneBuildError> {
+        self.as_backend().check_shapes(scene)
+    }
+
+    fn load_scene(
+        &self,
+        file: &SceneFile<'_>,
+        options: &LoadOptions<'_>,
+    ) -> Result<(Scene, Box<dyn SceneAccelerator>), SceneBuildError> {
+        self.as_backend().load_scene(file, options)
     }
 }
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 /// In the order of the header: what is used comes first.
-const SOURCES: [&str; 16] = [
+const SOURCES: [&str; 19] = [
     "status",
     "entry",
     "handle",
@@ -19,6 +19,9 @@ const SOURCES: [&str; 16] = [
     "opacity",
     "shapes",
     "scene_query",
+    "lazy",
+    "volumes",
+    "casts",
     "points",
 ];
 

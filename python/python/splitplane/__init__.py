@@ -34,6 +34,7 @@ from .results import (
     SceneClosestPoints,
     SceneCrossings,
     SceneHits,
+    SceneOverlaps,
     Summary,
 )
 from .scene import Scene
@@ -67,6 +68,7 @@ __all__ = [
     "SceneClosestPoints",
     "SceneCrossings",
     "SceneHits",
+    "SceneOverlaps",
     "Summary",
     "Tree",
     "backend_info",

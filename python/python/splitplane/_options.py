@@ -6,8 +6,8 @@ from typing import Any, Dict, Tuple
 
 import numpy as np
 
-from ._arrays import maybe_whole, memory, text, whole
-from .errors import ConfigError, DtypeError
+from ._arrays import MISS, U32, as_array, maybe_whole, memory, text, whole
+from .errors import ConfigError, DtypeError, RangeError, ShapeError
 
 #: Builders, and the preset that has each.
 BUILDERS = {"median": "fast", "binned": "balanced", "sweep": "best"}
@@ -51,3 +51,21 @@ def ignored_instance(ignore: Any) -> tuple[int, int] | None:
     if not isinstance(ignore, (tuple, list)) or len(ignore) != 2:
         raise DtypeError("ignore must be a pair: an instance and a triangle of it")
     return whole(ignore[0], "ignore"), whole(ignore[1], "ignore")
+
+
+def ignored_list(ignore: Any) -> tuple[int, int] | U32 | None:
+    """A triangle of an instance, rows of such pairs, or none."""
+    if ignore is None:
+        return None
+    if isinstance(ignore, (tuple, list)) and len(ignore) == 2 and all(np.ndim(part) == 0 for part in ignore):
+        return ignored_instance(ignore)
+    pairs = as_array(ignore, "ignore")
+    if pairs.size == 0 and pairs.ndim == 1 and not isinstance(ignore, np.ndarray):
+        return np.zeros((0, 2), np.uint32)
+    if pairs.dtype.kind not in "iu":
+        raise DtypeError(f"ignore has dtype {pairs.dtype}, but names must be whole numbers")
+    if pairs.ndim != 2 or pairs.shape[1] != 2:
+        raise ShapeError(f"ignore has shape {pairs.shape}, but must be a pair or have (k, 2): an instance and a triangle of it")
+    if pairs.size and (int(pairs.min()) < 0 or int(pairs.max()) > MISS):
+        raise RangeError(f"ignore has numbers from {int(pairs.min())} to {int(pairs.max())}, but names are from 0 to {MISS}")
+    return np.require(pairs.astype(np.uint32), np.uint32, ["C", "A"])

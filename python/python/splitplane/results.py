@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -120,6 +120,25 @@ class Crossings:
         """Where the crossings of a ray stand."""
         return slice(int(self.starts[ray]), int(self.starts[ray + 1]))
 
+    def first(self, keep: Any = None) -> I64:
+        """The place of the first crossing of each ray, int64 (rays,), of those where ``keep``, a bool for each crossing, is true; -1 where there is none.
+
+        So any function of hits decides which count: ``crossings.t[crossings.first(keep)]``, where the place is not -1.
+        """
+        from . import _arrays as arrays
+        from .errors import DtypeError, ShapeError
+
+        if keep is None:
+            return np.where(np.diff(self.starts) > 0, self.starts[:-1], -1)
+        kept = arrays.as_array(keep, "keep")
+        if kept.dtype != np.bool_:
+            raise DtypeError(f"keep has dtype {kept.dtype}, but must be bool")
+        if kept.shape != self.t.shape:
+            raise ShapeError(f"keep has shape {kept.shape}, but there are {len(self.t)} crossings")
+        places = np.append(np.nonzero(kept)[0], len(self.t))
+        next_kept = places[np.searchsorted(places, self.starts[:-1])]
+        return np.where(next_kept < self.starts[1:], next_kept, -1)
+
 
 @dataclass(frozen=True)
 class SceneCrossings(Crossings):
@@ -185,6 +204,14 @@ class Overlaps:
     def of(self, volume: int) -> slice:
         """Where the faces of a volume stand."""
         return slice(int(self.starts[volume]), int(self.starts[volume + 1]))
+
+
+@dataclass(frozen=True)
+class SceneOverlaps(Overlaps):
+    """The same in a scene, each volume's in ascending order of (instance, triangle)."""
+
+    #: Names of instances, uint32.
+    instance: U32
 
 
 @dataclass(frozen=True)

@@ -10,169 +10,45 @@ import numpy as np
 from . import _arrays as arrays
 from . import _native
 from ._arrays import F32, F64, I64, MISS, U32, Bool, Progress
-from ._handle import Handle
-from ._options import backend_arguments, build_arguments, ignored_instance
-from .errors import DtypeError, ShapeError
-from .results import Located, Report, SceneClosestPoints, SceneCrossings, SceneHits
-from .tree import SCENE_HIT, distances_and_points, file_of, hits_in, hits_of, normals_of, occluded_in, points_of, rays_of
+from ._edits import Edits
+from ._options import backend_arguments, build_arguments, ignored_instance, ignored_list
+from .errors import DtypeError
+from .results import Located, Report, SceneClosestPoints, SceneCrossings, SceneHits, SceneOverlaps
+from .tree import SCENE_HIT, distances_and_points, file_of, hits_in, hits_of, normals_of, occluded_in, points_of, rays_of, volumes_of
 
 
-def matrix_of(transform: Any) -> F32:
-    """A transform as three rows of four."""
-    if transform is None:
-        return np.eye(3, 4, dtype=np.float32)
-    array = arrays.as_array(transform, "transform")
-    if array.dtype.kind not in "fiu":
-        raise DtypeError(f"transform has dtype {array.dtype}; numbers are needed")
-    if array.shape == (4, 4):
-        if not np.array_equal(array[3], [0, 0, 0, 1]):
-            raise ShapeError("the last row of a transform (4, 4) must be 0, 0, 0, 1")
-        array = array[:3]
-    if array.shape != (3, 4):
-        raise ShapeError(f"transform has shape {array.shape}, but must have (3, 4) or (4, 4)")
-    if array.dtype != np.float32:
-        return arrays.narrowed(np.asarray(array, np.float64), "transform")[0]
-    return np.require(array, np.float32, ["C", "A"])
-
-
-class Scene(Handle[_native.Scene]):
-    """Geometries, which are meshes, and instances, which place them in the world.
+class Scene(Edits):
+    """Geometries, which are meshes or shapes, and instances, which place them in the world.
 
     Edit it, call :meth:`update`, ask. An update makes anew only what changed. Queries of a scene that was edited and not
     updated raise StaleError. Rays, points, ``threads`` and ``progress`` are those of :class:`splitplane.Tree`; ``mask``: an instance
     answers where its mask and that of the query have a bit in common.
 
+    ``ignore`` of rays: an instance and a face of it, or an array (k, 2) of such pairs, whole numbers; :data:`splitplane.MISS` in place of a
+    face: all of the instance. A hit that is ignored is as if it were not there. To decide hit by hit, take :meth:`all_hits` and
+    :meth:`~splitplane.results.Crossings.first`.
+
     preset, backend, adapter: as for :meth:`splitplane.Tree.build`, for all geometries.
+    lazy: a geometry is built when the first ray reaches the box of an instance of it, and nothing that is built hides it: answers are the
+    same, and queries may take memory and fail as builds do. Points, overlaps, files, digests and pickles build all of it; a pickle's copy is not lazy.
     """
 
-    def __init__(self, *, preset: str = "fast", layout: str = "fast", backend: str = "cpu", adapter: str | None = None, **knobs: Any) -> None:
+    def __init__(
+        self,
+        *,
+        preset: str = "fast",
+        layout: str = "fast",
+        backend: str = "cpu",
+        adapter: str | None = None,
+        lazy: bool = False,
+        **knobs: Any,
+    ) -> None:
         self._arguments = build_arguments(preset, layout, None, knobs)
         self._backend = backend_arguments(backend, adapter)
-        self._own = _native.Scene(self._arguments[0], self._backend)
-        self._meshes: dict[int, tuple[F32, U32]] = {}
-
-    # Edits.
-
-    def add_geometry(self, vertices: Any, faces: Any = None) -> int:
-        """Adds a mesh, (n, 3) and (m, 3), or (n, 3, 3); its name."""
-        native = self._native
-        own, index, _ = arrays.mesh_of(vertices, faces, None)
-        name = native.add_geometry(own, index)
-        self._meshes[name] = own, index
-        return name
-
-    def replace_geometry(self, geometry: int, vertices: Any, faces: Any = None) -> None:
-        """Gives a geometry another mesh; its instances stay."""
-        native, name = self._native, arrays.whole(geometry, "geometry")
-        own, index, _ = arrays.mesh_of(vertices, faces, None)
-        native.replace_geometry(name, own, index)
-        self._meshes[name] = own, index
-
-    def remove_geometry(self, geometry: int) -> None:
-        """Removes a geometry that has no instances."""
-        name = arrays.whole(geometry, "geometry")
-        self._native.remove_geometry(name)
-        self._meshes.pop(name, None)
-
-    def add_instance(self, geometry: int, transform: Any = None, *, mask: int = MISS, id: int = 0, culling: str = "none") -> int:
-        """Places a geometry; the instance's name.
-
-        transform: (3, 4) or (4, 4), from the object to the world; none: where it is. mask: 32 bits. id: a number of the caller's.
-        culling: the side of its faces that it ignores, seen in the world.
-        """
-        return self._native.add_instance(
-            arrays.whole(geometry, "geometry"),
-            matrix_of(transform),
-            arrays.whole(mask, "mask"),
-            arrays.whole(id, "id"),
-            arrays.text(culling, "culling"),
-        )
-
-    def set_instance(
-        self,
-        instance: int,
-        *,
-        transform: Any = None,
-        geometry: int | None = None,
-        mask: int | None = None,
-        id: int | None = None,
-        culling: str | None = None,
-    ) -> None:
-        """Changes what is given of an instance."""
-        self._native.set_instance(
-            arrays.whole(instance, "instance"),
-            arrays.maybe_whole(geometry, "geometry"),
-            None if transform is None else matrix_of(transform),
-            arrays.maybe_whole(mask, "mask"),
-            arrays.maybe_whole(id, "id"),
-            None if culling is None else arrays.text(culling, "culling"),
-        )
-
-    def move_instance(self, instance: int, transform: Any) -> None:
-        """Moves an instance: from now on this is its transform."""
-        self._native.set_instance(arrays.whole(instance, "instance"), None, matrix_of(transform), None, None, None)
-
-    def set_mask(self, instance: int, mask: int) -> None:
-        """Gives an instance another mask."""
-        self._native.set_instance(
-            arrays.whole(instance, "instance"), None, None, arrays.whole(mask, "mask"), None, None
-        )
-
-    def remove_instance(self, instance: int) -> None:
-        """Removes an instance."""
-        self._native.remove_instance(arrays.whole(instance, "instance"))
-
-    def update(
-        self, *, max_memory: int | None = None, threads: int | None = None, progress: Progress | None = None
-    ) -> dict[str, int]:
-        """Brings what answers up to date, and says what was done. After an error it is what it was."""
-        native = self._native
-        preset, knobs, layout, _ = self._arguments
-        arguments = (preset, knobs, layout, arrays.memory(max_memory))
-        return native.update(arguments, arrays.call(threads, progress))
-
-    # What it is.
-
-    @property
-    def instances(self) -> list[int]:
-        """The names of all instances."""
-        return self._native.instances()
-
-    @property
-    def geometries(self) -> list[int]:
-        """The names of all geometries."""
-        return self._native.geometries()
-
-    def transform(self, instance: int) -> F32:
-        """The transform of an instance, (3, 4) float32."""
-        return np.asarray(self._native.instance(arrays.whole(instance, "instance"))[1], dtype=np.float32)
-
-    def id(self, instance: int) -> int:
-        """The caller's number of an instance."""
-        return self._native.instance(arrays.whole(instance, "instance"))[3]
-
-    @property
-    def stale(self) -> bool:
-        """Whether it was edited since the last update."""
-        return self._native.edited()
-
-    @property
-    def digest(self) -> str:
-        """16 hexadecimal digits that name geometries and instances."""
-        return self._native.digest()
-
-    @property
-    def backend(self) -> str:
-        """``cpu`` or ``wgpu``."""
-        return self._native.backend()[0]
-
-    def __len__(self) -> int:
-        return len(self.instances)
-
-    def __repr__(self) -> str:
-        if self.closed:
-            return "<splitplane.Scene, closed>"
-        return f"<splitplane.Scene of {len(self)} instances of {len(self.geometries)} geometries on {self.backend}>"
+        if not isinstance(lazy, (bool, np.bool_)):
+            raise DtypeError(f"lazy must be True or False, not {lazy!r}")
+        self._own = _native.Scene(self._arguments, self._backend, bool(lazy))
+        self._meshes = {}
 
     # Queries.
 
@@ -181,7 +57,7 @@ class Scene(Handle[_native.Scene]):
             arrays.text(accuracy, "accuracy"),
             arrays.text(culling, "culling"),
             arrays.whole(mask, "mask"),
-            ignored_instance(ignore),
+            ignored_list(ignore),
         )
 
     def closest_hits(
@@ -193,12 +69,12 @@ class Scene(Handle[_native.Scene]):
         accuracy: str = "watertight",
         culling: str = "none",
         mask: int = MISS,
-        ignore: tuple[int, int] | None = None,
+        ignore: Any = None,
         out: SceneHits | None = None,
         threads: int | None = None,
         progress: Progress | None = None,
     ) -> SceneHits:
-        """The hit of least (t, instance, triangle) of each ray. ignore: an instance and a face of it. out: hits to write over."""
+        """The hit of least (t, instance, triangle) of each ray. out: hits to write over."""
         native = self._native
         options, call = self._options(accuracy, culling, mask, ignore), arrays.call(threads, progress)
         rows, limits, leading, rounded = rays_of(rays, t_min, t_max, None)
@@ -216,7 +92,7 @@ class Scene(Handle[_native.Scene]):
         accuracy: str = "watertight",
         culling: str = "none",
         mask: int = MISS,
-        ignore: tuple[int, int] | None = None,
+        ignore: Any = None,
         out: Bool | None = None,
         threads: int | None = None,
         progress: Progress | None = None,
@@ -237,7 +113,7 @@ class Scene(Handle[_native.Scene]):
         t_max: Any = None,
         culling: str = "none",
         mask: int = MISS,
-        ignore: tuple[int, int] | None = None,
+        ignore: Any = None,
         max_memory: int | None = None,
         threads: int | None = None,
         progress: Progress | None = None,
@@ -260,7 +136,7 @@ class Scene(Handle[_native.Scene]):
         t_max: Any = None,
         culling: str = "none",
         mask: int = MISS,
-        ignore: tuple[int, int] | None = None,
+        ignore: Any = None,
         max_memory: int | None = None,
         threads: int | None = None,
         progress: Progress | None = None,
@@ -275,6 +151,46 @@ class Scene(Handle[_native.Scene]):
         rows, limits, leading, _ = rays_of(rays, t_min, t_max, None)
         found = arrays.room((len(rows),), np.int64)
         native.count_hits(rows, limits, options, limit, found, call)
+        return found.reshape(leading)
+
+    def overlaps(
+        self,
+        volumes: Any,
+        kind: str = "box",
+        *,
+        mask: int = MISS,
+        ignore: tuple[int, int] | None = None,
+        max_memory: int | None = None,
+        threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> SceneOverlaps:
+        """The faces of instances that each volume meets in the world, decided exactly, also where they only touch.
+
+        kind, and what a volume is: as for :meth:`splitplane.Tree.overlaps`. ignore: an instance and a face of it.
+        """
+        native = self._native
+        own = (arrays.whole(mask, "mask"), ignored_instance(ignore))
+        limit, call = arrays.memory(max_memory), arrays.call(threads, progress)
+        rows, starts, _, rounded = volumes_of(volumes, arrays.text(kind, "kind"), None)
+        ends, met, instance = _native.scene_overlaps(native, kind, rows, starts, own, limit, call)
+        return SceneOverlaps(ends, met, Report(rounded=rounded), instance)
+
+    def overlaps_any(
+        self,
+        volumes: Any,
+        kind: str = "box",
+        *,
+        mask: int = MISS,
+        ignore: tuple[int, int] | None = None,
+        threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> Bool:
+        """Whether each volume meets any face of an instance: bool, of the leading shape. As :meth:`overlaps`."""
+        native = self._native
+        own, call = (arrays.whole(mask, "mask"), ignored_instance(ignore)), arrays.call(threads, progress)
+        rows, starts, leading, _ = volumes_of(volumes, arrays.text(kind, "kind"), None)
+        found = arrays.room((len(starts) - 1 if kind == "planes" else len(rows),), np.bool_)
+        _native.scene_overlaps_any(native, kind, rows, starts, own, found, call)
         return found.reshape(leading)
 
     def locate(
@@ -339,7 +255,7 @@ class Scene(Handle[_native.Scene]):
         return np.where(located.boundary, 0.0, distance)
 
     def normals(self, geometry: Any, triangle: Any) -> F64:
-        """Unit normals of faces in their geometries' own spaces: float64 (..., 3); NaN for a miss."""
+        """Unit normals of faces in their geometries' own spaces: float64 (..., 3); NaN for a miss, and for shapes."""
         self._native
         names, faces = np.broadcast_arrays(arrays.as_array(geometry, "geometry"), arrays.as_array(triangle, "triangle"))
         normals = np.full((*names.shape, 3), np.nan)
@@ -381,16 +297,21 @@ class Scene(Handle[_native.Scene]):
         scene = cls.__new__(cls)
         scene._own = _native.Scene.load(file_of(source), arguments, device, call)
         scene._arguments, scene._backend = arguments, device
-        scene._meshes = {name: scene._own.mesh(name) for name in scene._own.geometries()}
+        scene._meshes = meshes_of(scene._own)
         return scene
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _restored, (self.to_bytes(), self._arguments, self._backend)
 
 
+def meshes_of(native: _native.Scene) -> dict[int, tuple[F32, U32]]:
+    """Vertices and faces of the geometries that have some."""
+    return {name: native.mesh(name) for name in native.geometries() if _native.kind_of(native, name) == "triangles"}
+
+
 def _restored(data: bytes, arguments: Any, backend: Any) -> Scene:
     scene = Scene.__new__(Scene)
     scene._own = _native.Scene.load(file_of(data), arguments, backend, (None, None))
     scene._arguments, scene._backend = arguments, backend
-    scene._meshes = {name: scene._own.mesh(name) for name in scene._own.geometries()}
+    scene._meshes = meshes_of(scene._own)
     return scene
