@@ -17,7 +17,7 @@ pub struct OpenOptions {
     /// How long the driver may take to open the device, for all the pipelines together that
     /// [`WgpuBackend::new`](crate::WgpuBackend::new) makes, and for each one that is made later. When
     /// `None`, a minute, and half an hour for Mesa's llvmpipe. No time at all lets it compile nothing.
-    /// On Linux the time in which this process could have run, but others did, does not count, up to six times the limit.
+    /// On Linux the time in which this process could have run, but others did, does not count, up to fifteen times the limit.
     ///
     /// A driver compiles inside the process, and nothing can end the thread in which it does: after
     /// [`GpuError::DriverLimit`](crate::GpuError::DriverLimit) that thread continues to take time

@@ -72,7 +72,7 @@ pub struct Probe {
 impl Probe {
     /// Opens and tests an adapter in a process of its own. Of the options only the driver's limits
     /// apply; when they are `None`, an unknown driver may take 20 seconds, and any driver 2 GiB. Where the system says, the time in
-    /// which the child could have run, but others did, does not count, up to six times the limit.
+    /// which the child could have run, but others did, does not count, up to fifteen times the limit.
     pub fn run(&self, adapter: &Adapter, options: &OpenOptions) -> Tried {
         run(self, adapter.index(), adapter.name(), bounds(adapter, options))
     }

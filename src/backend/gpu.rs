@@ -5,6 +5,7 @@ use super::{Engine, OpenError, OpenOptions, OpenedEngine, in_environment};
 use splitplane_wgpu::adapters::{Adapter, AdapterReport};
 use splitplane_wgpu::probe::Tried;
 use splitplane_wgpu::{Adapters, DriverLimit, Gpu, GpuError, Parity};
+use std::thread;
 
 /// A backend over a device, and what its self-test found.
 type Connected = (Engine, Parity);
@@ -15,9 +16,33 @@ pub fn adapters() -> Vec<AdapterReport> {
 }
 
 /// As [`adapters`]; with [`OpenOptions::probe`] each is tested in a process of its own, so that no driver can take
-/// this one down, and one that exceeds a limit is ended. Of the other options the driver's limits matter.
+/// this one down, and one that exceeds a limit is ended. These processes run at the same time, so that the list takes as
+/// long as the slowest driver. Of the other options the driver's limits matter.
 pub fn adapters_with(options: &OpenOptions) -> Vec<AdapterReport> {
-    Adapters::find().list().iter().map(|adapter| report(adapter, options)).collect()
+    let adapters = Adapters::find();
+    // What is opened in this process is opened by itself: the growth of its memory is the driver's.
+    if options.probe.is_none() {
+        return adapters.list().iter().map(|adapter| report(adapter, options)).collect();
+    }
+    at_once(adapters.list(), |adapter| report(adapter, options))
+}
+
+/// What `work` makes of each item, in their order, all at the same time.
+fn at_once<T: Sync, R: Send>(items: &[T], work: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    thread::scope(|scope| {
+        let work = &work;
+        let started: Vec<_> = items
+            .iter()
+            .map(|item| (item, thread::Builder::new().spawn_scoped(scope, move || work(item))))
+            .collect();
+        let ended = started.into_iter().map(|(item, thread)| match thread.map(|it| it.join()) {
+            Ok(Ok(made)) => made,
+            Ok(Err(panic)) => std::panic::resume_unwind(panic),
+            // No thread could be started.
+            Err(_) => work(item),
+        });
+        ended.collect()
+    })
 }
 
 fn report(adapter: &Adapter, options: &OpenOptions) -> AdapterReport {
@@ -246,6 +271,17 @@ mod tests {
     /// Any backend will do: what is tested is which one is taken.
     fn connected(parity: Parity) -> Result<Connected, OpenError> {
         Ok((Engine::Cpu(splitplane_cpu::CpuBackend::new()), parity))
+    }
+
+    /// Each waits for the other, so that one after the other would wait for ever.
+    #[test]
+    fn drivers_are_tried_at_the_same_time_and_reported_in_order() {
+        let both = std::sync::Barrier::new(2);
+        let made = at_once(&[3, 4], |&number| {
+            both.wait();
+            10 * number
+        });
+        assert_eq!(made, [30, 40]);
     }
 
     #[test]
