@@ -86,6 +86,7 @@ impl<'a> Packer<'a> {
                 Err(fit) => count = fit,
             }
         };
+        self.bring_first_corners_forward(count, different, out);
         let before = PackedBlock::before_coordinates(count);
         out[0] = PackedBlock::header(count, different, self.large);
         let words = PackedBlock::words(count, different);
@@ -149,6 +150,33 @@ impl<'a> Packer<'a> {
             }
         }
         Ok(different)
+    }
+
+    /// Gives the triangles' first corners places below the number of lanes, in exchange with corners that are nobody's first.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn bring_first_corners_forward(&mut self, count: usize, different: usize, out: &mut [u32]) {
+        if different <= self.lanes {
+            return;
+        }
+        let places: &mut [u8] = bytemuck::cast_slice_mut(&mut out[1..]);
+        let firsts = places[..count].iter().fold(0u64, |all, &place| all | 1 << (place % 64));
+        let below = (1 << self.lanes) - 1;
+        let (mut beyond, mut free) = (firsts & !below, below & !firsts);
+        if beyond == 0 {
+            return;
+        }
+        let mut to: [u8; MOST_CORNERS] = core::array::from_fn(|place| place as u8);
+        while beyond != 0 {
+            // There is one free for each: all places below are taken, and no more are firsts' than there are triangles.
+            let from = beyond.trailing_zeros() as usize % MOST_CORNERS;
+            let other = free.trailing_zeros() as usize % MOST_CORNERS;
+            (beyond, free) = (beyond & (beyond - 1), free & free.wrapping_sub(1));
+            (to[from], to[other]) = (other as u8, from as u8);
+            self.different.swap(from, other);
+        }
+        for place in &mut places[..3 * count] {
+            *place = to[*place as usize % MOST_CORNERS];
+        }
     }
 }
 
@@ -216,6 +244,11 @@ mod tests {
                 assert_eq!(packed.bounds, Aabb::of_points(expected.as_flattened()));
                 assert_eq!(packed.bounds, record.bounds());
                 assert!(record.corner_count() <= 2 * lanes);
+                for index in 0..record.count() {
+                    // SAFETY: a triangle of the block.
+                    let [first, ..] = unsafe { record.places_of(index) };
+                    assert!(first < lanes, "{first}");
+                }
                 // It ends early only where one more triangle might have too many corners.
                 if packed.count < left.min(lanes) {
                     assert!(record.corner_count() + 3 > 2 * lanes);

@@ -13,6 +13,9 @@
 //! Neighbours in a mesh share corners: a corner is seldom stored more than 1.1 times a triangle instead of
 //! three. So a block is half as long as one of corner copies, and what a ray must do with
 //! each corner (move it, shear it) is done once.
+//!
+//! Corners that are a triangle's first come before the place that follows the lanes of a vector, so a test finds all first corners
+//! in one vector. There are never more of them than triangles, and of these no more than lanes.
 
 use splitplane_core::aabb::{Aabb, max, min};
 use splitplane_core::triangle::Triangle;
@@ -27,7 +30,7 @@ pub(crate) const TAIL: usize = 3 * MOST_LANES;
 /// A block.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PackedBlock<'a> {
-    /// The block's words and all that follow.
+    /// The block's words and all that follow: one at least.
     words: &'a [u32],
 }
 
@@ -57,7 +60,9 @@ impl<'a> PackedBlock<'a> {
     /// The block that begins at a unit.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) fn at(words: &'a [u32], unit: u32) -> PackedBlock<'a> {
-        PackedBlock { words: &words[unit as usize * UNIT_WORDS..] }
+        let words = &words[unit as usize * UNIT_WORDS..];
+        assert!(!words.is_empty(), "a block has a first word");
+        PackedBlock { words }
     }
 
     /// The same without a look at the bounds.
@@ -70,28 +75,35 @@ impl<'a> PackedBlock<'a> {
         PackedBlock { words: unsafe { words.get_unchecked(unit as usize * UNIT_WORDS..) } }
     }
 
+    /// The first word.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn first_word(&self) -> u32 {
+        // SAFETY: there is one, as both ways to make a block ask for.
+        unsafe { *self.words.get_unchecked(0) }
+    }
+
     /// Triangles, 1 to 16.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) fn count(&self) -> usize {
-        (self.words[0] & 0x7f) as usize
+        (self.first_word() & 0x7f) as usize
     }
 
     /// Whether these are [large](super::large) triangles, in a block of their own.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) fn is_large(&self) -> bool {
-        self.words[0] & PackedBlock::LARGE != 0
+        self.first_word() & PackedBlock::LARGE != 0
     }
 
     /// Different corners, at most 32.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) fn corner_count(&self) -> usize {
-        (self.words[0] >> 8 & 0xff) as usize
+        (self.first_word() >> 8 & 0xff) as usize
     }
 
     /// Words before the coordinates.
     #[cfg_attr(not(unoptimised), inline(always))]
     fn before(&self) -> usize {
-        (self.words[0] >> 16) as usize
+        (self.first_word() >> 16) as usize
     }
 
     /// Units to the next block.
@@ -124,7 +136,14 @@ impl<'a> PackedBlock<'a> {
     /// Coordinates of the different corners on an axis.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) fn coordinates(&self, axis: usize) -> *const f32 {
-        self.words.as_ptr().wrapping_add(self.before() + axis * self.corner_count()).cast()
+        self.coordinates_at(size_of::<f32>() * axis)
+    }
+
+    /// The same, given the bytes from a corner's x to its coordinate on the axis, if these followed each other.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) fn coordinates_at(&self, bytes: usize) -> *const f32 {
+        let x = self.words.as_ptr().wrapping_add(self.before());
+        x.wrapping_byte_add(bytes * self.corner_count()).cast()
     }
 
     /// The triangles' indices in the mesh.

@@ -307,12 +307,13 @@ impl<'a, T: SceneAnswer, L: Found<'a>, C: Counting> Compiled for Flying<'a, T, L
                 // SAFETY: lanes are below FLIGHT.
                 let lane = unsafe { lanes.get_unchecked_mut(number) };
                 let Some(within) = &lane.within else { continue };
-                let mut stack = stack!(number);
+                let stack = stack!(number);
                 // SAFETY: the caller's contract; the child is a node; stacks have the space.
-                let (child, top) = unsafe {
-                    step_in_turn::<S>(&lane.ray_state, lane.lines, lane.child, &mut stack, lane.top)
+                let (child, more) = unsafe {
+                    let top = stack.at(lane.top);
+                    step_in_turn::<S>(&lane.ray_state, lane.lines, lane.child, top)
                 };
-                (lane.child, lane.top) = (child, top);
+                (lane.child, lane.top) = (child, (lane.top + more).wrapping_sub(1));
                 ask_for::<S, L>(lane.lines, within.leaves, child);
                 queues.put(number, child);
             }

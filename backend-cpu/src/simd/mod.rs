@@ -42,8 +42,10 @@ pub(crate) const MOST_LANES: usize = 16;
 
 /// Whether an order is read forwards or backwards.
 #[derive(Clone, Copy, Debug)]
-#[repr(C, align(16))]
+#[repr(C)]
 pub(crate) struct Direction {
+    /// Where a table by masks of eight, forwards and then backwards, begins for it.
+    pub table: u32,
     /// Where each place of the order is.
     pub places: [u8; MOST_LANES],
     /// The same from the other end.
@@ -60,7 +62,7 @@ impl Direction {
             (places[i], reversed[i]) = if backwards { (last, first) } else { (first, last) };
             i += 1;
         }
-        Direction { places, reversed }
+        Direction { table: if backwards { 256 } else { 0 }, places, reversed }
     }
 }
 
@@ -145,6 +147,12 @@ pub(crate) trait Simd: ReferenceOps + Copy {
     unsafe fn places(from: *const u8) -> Self::Places;
     /// Elements of a table of `2 N`.
     unsafe fn look_up(table: [Self::Floats; 2], at: Self::Places) -> Self::Floats;
+    /// Elements of a table of `N`; places are below `N`, or anything where the result does not matter.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn look_up_low(table: Self::Floats, at: Self::Places) -> Self::Floats {
+        // SAFETY: the caller's contract.
+        unsafe { Self::look_up([table, table], at) }
+    }
     /// Turns `N` rows of `N` floats, `stride` apart, into rows of what stood in columns, `to_stride`
     /// apart.
     unsafe fn transpose(from: *const f32, stride: usize, to: *mut f32, to_stride: usize);

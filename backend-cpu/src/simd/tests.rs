@@ -90,6 +90,9 @@ unsafe fn check<S: Simd>() {
             let table = [&x[..S::N], &y[..S::N]].concat();
             let found: Vec<f32> = (0..S::N).map(|i| table[places[i] as usize]).collect();
             assert_eq!(told(S::look_up([a, b], S::places(places.as_ptr()))), bits(&found));
+            let low: Vec<u8> = places.iter().map(|place| place % S::N as u8).collect();
+            let found: Vec<f32> = low[..S::N].iter().map(|&place| x[place as usize]).collect();
+            assert_eq!(told(S::look_up_low(a, S::places(low.as_ptr()))), bits(&found));
         }
     }
 }

@@ -104,7 +104,7 @@ pub(crate) unsafe fn test<S: Simd, T: TriangleBlock, K: Keep>(
             let mut sifted = Met::NONE;
             sifted.unclear = sift_fast::<S, T>(ray_state, block, limit);
             return sifted.unclear != 0
-                && test_sifted(ray_state, block, (options, query, keep), &sifted, best);
+                && test_sifted(ray_state, *block, (options, query, keep), &sifted, best);
         }
         let seen = ShearedBlock::<S, T>::new(ray_state, block);
         // Lanes after the last triangle do not count.
@@ -121,7 +121,7 @@ pub(crate) unsafe fn test<S: Simd, T: TriangleBlock, K: Keep>(
         // For any hit those that are met come first.
         if meeting.unclear & meeting.robust != 0 && !(any && meeting.met != 0) {
             let mut met = Met::of(&meeting);
-            S::call(CloserLook { ray_state, block, limit, met: &mut met });
+            S::call(CloserLook { ray_state, block: *block, limit, met: &mut met });
             meeting = met.meeting();
             if meeting.met | meeting.unclear == 0 {
                 return false;
@@ -158,7 +158,7 @@ pub(crate) unsafe fn test<S: Simd, T: TriangleBlock, K: Keep>(
                 }
             }
         }
-        test_sifted(ray_state, block, (options, query, keep), &Met::of(&meeting), best)
+        test_sifted(ray_state, *block, (options, query, keep), &Met::of(&meeting), best)
     }
 }
 
@@ -166,7 +166,7 @@ pub(crate) unsafe fn test<S: Simd, T: TriangleBlock, K: Keep>(
 #[inline(never)]
 fn test_sifted<T: TriangleBlock, K: Keep>(
     ray_state: &RayState,
-    block: &T,
+    block: T,
     (options, query, keep): (&QueryOptions<'_>, Query, K),
     sifted: &Met,
     best: &mut BestHit,
@@ -214,7 +214,7 @@ impl<S: Simd, T: TriangleBlock> ShearedBlock<S, T> {
     unsafe fn new(ray_state: &RayState, block: &T) -> ShearedBlock<S, T> {
         // SAFETY: the caller's contract.
         unsafe {
-            let axes = ray_state.axes();
+            let axes = ray_state.bytes_to_axes();
             let (origin, shear) = (each::<S>(ray_state.origin), each::<S>(ray_state.shear));
             // Written out, so that they stay in registers; loops do not guarantee that.
             let first = Corner::new(coordinates::<S, T>(block, axes, 0), origin, shear);
@@ -251,6 +251,8 @@ unsafe fn each<S: Simd>([x, y, z]: [f32; 3]) -> [S::Floats; 3] {
     unsafe { [S::splat(x), S::splat(y), S::splat(z)] }
 }
 
+/// Of three axes, as [`TriangleBlock::coordinates_at`] has them.
+///
 /// # Safety
 /// As for [`test()`].
 #[cfg_attr(not(unoptimised), inline(always))]
@@ -262,9 +264,9 @@ unsafe fn coordinates<S: Simd, T: TriangleBlock>(
     // SAFETY: the caller's contract.
     unsafe {
         [
-            block.coordinates::<S>(x, vector),
-            block.coordinates::<S>(y, vector),
-            block.coordinates::<S>(z, vector),
+            block.coordinates_at::<S>(x, vector),
+            block.coordinates_at::<S>(y, vector),
+            block.coordinates_at::<S>(z, vector),
         ]
     }
 }
@@ -330,7 +332,7 @@ impl<S: Simd, T: TriangleBlock> View<S> for ShearedBlock<S, T> {
 /// A closer look at the triangles that are unclear, seldom needed.
 struct CloserLook<'a, T> {
     ray_state: &'a RayState,
-    block: &'a T,
+    block: T,
     limit: f32,
     met: &'a mut Met,
 }
@@ -344,7 +346,7 @@ impl<T: TriangleBlock> Compiled for CloserLook<'_, T> {
         // SAFETY: the caller's contract, and that of [`test()`].
         unsafe {
             let ray = ray_state.ray();
-            let corners = all_corners::<S, T>(block, [0, 1, 2], block.places::<S>());
+            let corners = all_corners::<S, T>(&block, [0, 1, 2], block.places::<S>());
             let (origin, direction) = (each::<S>(ray.origin), each::<S>(ray.direction));
             let mut meeting = met.meeting::<S>();
             let pairs = Pairs { origin, direction, corners };

@@ -34,8 +34,10 @@ impl Queues {
     /// Puts a lane into the queue that its child calls for, without a branch, since no predictor could get it right.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) fn put(&mut self, lane: usize, child: u32) {
-        let queue = leaf_bit(child) + usize::from(child == DONE);
-        self.0 |= 1 << (16 * queue + lane);
+        const { assert!(DONE == u32::MAX && leaf_bit(DONE - 1) == 1 && FLIGHT == 16) };
+        // Nodes stay below 2^31 with one more, leaves below 2^32, and the sentinel comes to that: the queue's number.
+        let queue = (u64::from(child) + 1) >> 31;
+        self.0 |= 1 << (16 * queue + lane as u64);
     }
 
     /// Puts a lane into a queue.
@@ -65,5 +67,34 @@ impl Iterator for Members {
         let lane = self.0.trailing_zeros() as usize;
         self.0 &= self.0.wrapping_sub(1);
         (lane < FLIGHT).then_some(lane)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::build::MOST_NODES;
+    use crate::layout::wide_node::{MOST_LEAVES, leaf_child};
+
+    #[test]
+    fn children_call_for_their_queue() {
+        let last = leaf_child((MOST_LEAVES - 1) as u32);
+        let cases = [
+            (0, Turn::Node),
+            (1, Turn::Node),
+            (MOST_NODES, Turn::Node),
+            (leaf_child(0), Turn::Block),
+            (leaf_child(7), Turn::Block),
+            (last, Turn::Block),
+            (DONE, Turn::Refill),
+        ];
+        for lane in [0, 5, FLIGHT - 1] {
+            for (child, turn) in cases {
+                let mut queues = Queues(0);
+                queues.put(lane, child);
+                let there: Vec<usize> = queues.take(turn).collect();
+                assert_eq!((there, queues.is_empty()), (vec![lane], true), "{child:#x}");
+            }
+        }
     }
 }

@@ -46,6 +46,17 @@ pub(crate) const RAY_STATE_WORDS: usize = size_of::<RayState>() / 4;
 pub(crate) static AXES: [[usize; 3]; 8] =
     [[1, 2, 0], [2, 0, 1], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2], [0, 1, 2], [0, 1, 2]];
 
+/// The same as bytes from x's coordinate to theirs, where one follows the other: so that finding rows takes no shifts.
+static BYTES_TO_AXES: [[usize; 3]; 8] = {
+    let mut bytes = [[0; 3]; 8];
+    let mut i = 0;
+    while i < 24 {
+        bytes[i / 3][i % 3] = size_of::<f32>() * AXES[i / 3][i % 3];
+        i += 1;
+    }
+    bytes
+};
+
 /// Where among these x, y and z are.
 static PLACES: [[usize; 3]; 6] = [[2, 0, 1], [1, 2, 0], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2]];
 
@@ -135,6 +146,12 @@ impl RayState {
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) fn axes(&self) -> [usize; 3] {
         AXES[self.axes as usize % AXES.len()]
+    }
+
+    /// [`RayState::axes`] as bytes from x's coordinate to theirs.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) fn bytes_to_axes(&self) -> [usize; 3] {
+        BYTES_TO_AXES[self.axes as usize % BYTES_TO_AXES.len()]
     }
 
     /// The ray as the reference tests take it.

@@ -68,6 +68,16 @@ pub(crate) struct TraversalStack {
 }
 
 impl TraversalStack {
+    /// An entry, and those after it.
+    ///
+    /// # Safety
+    /// There must be as many.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) unsafe fn at(&self, entry: usize) -> TraversalStack {
+        // SAFETY: the caller's contract.
+        unsafe { TraversalStack { children: self.children.add(entry), t: self.t.add(entry) } }
+    }
+
     /// Writes the sentinel at the bottom.
     ///
     /// # Safety
@@ -106,14 +116,18 @@ pub(crate) unsafe fn step<S: Simd>(
     // SAFETY: the caller's contract.
     unsafe {
         let below = *stack.children.add(top);
-        let (nearest, count) = push_met::<S>(ray_state, lines, node, stack, top);
+        let last = stack.at(top);
+        let (nearest, count) = push_met::<S>(ray_state, lines, node, &last);
         let child = core::hint::select_unpredictable(count == 0, below, nearest);
         (child, (top + count).wrapping_sub(1))
     }
 }
 
-/// The same for a ray among others. The nearest child is read back from the stack: that is later, while others take
-/// their steps, but finding it in the node as well takes 10 instructions of a hundred.
+/// The same for a ray among others, whose last entries are at `top`. Returns where the ray goes next, and how many children were
+/// put on the stack: with as many entries more, less one, the last one is there.
+///
+/// The nearest child is read back from the stack: that is later, while others take their steps, but finding it in the node as
+/// well takes 10 instructions of a hundred.
 ///
 /// # Safety
 /// As for [`step`].
@@ -122,19 +136,17 @@ pub(crate) unsafe fn step_in_turn<S: Simd>(
     ray_state: &RayState,
     lines: *const CacheLine,
     node: u32,
-    stack: &mut TraversalStack,
-    top: usize,
+    top: TraversalStack,
 ) -> (u32, usize) {
     // SAFETY: the caller's contract. Where nothing is met, the last entry is the one from before.
     unsafe {
-        let (_, count) = push_met::<S>(ray_state, lines, node, stack, top);
-        let last = top + count;
-        (*stack.children.add(last), last.wrapping_sub(1))
+        let (_, count) = push_met::<S>(ray_state, lines, node, &top);
+        (*top.children.add(count), count)
     }
 }
 
-/// Puts the children that the ray meets on the stack, the nearest last. Returns that, or anything where there is none, and
-/// how many there are.
+/// Puts the children that the ray meets on the stack, whose last entries are given, the nearest last. Returns that, or anything where
+/// there is none, and how many there are.
 ///
 /// # Safety
 /// As for [`step`].
@@ -143,8 +155,7 @@ unsafe fn push_met<S: Simd>(
     ray_state: &RayState,
     lines: *const CacheLine,
     node: u32,
-    stack: &mut TraversalStack,
-    top: usize,
+    last: &TraversalStack,
 ) -> (u32, usize) {
     // SAFETY: the caller's contract.
     unsafe {
@@ -164,15 +175,14 @@ unsafe fn push_met<S: Simd>(
         // Places without a child are entered at infinity.
         let enter = S::max(S::max(enter_x, enter_y), S::max(enter_z, S::splat(ray_state.enter)));
         let exit = S::min(S::min(exit_x, exit_y), S::min(exit_z, S::splat(ray_state.stop)));
-        let to = top + 1;
         S::push_met(
             node.add(children_offset(S::N)).cast(),
             enter,
             exit,
             node.add(octant.order as usize),
             &octant.direction,
-            stack.children.add(to),
-            stack.t.add(to),
+            last.children.add(1),
+            last.t.add(1),
         )
     }
 }

@@ -22,7 +22,7 @@ use super::ray_state::RayState;
 use super::sieve::ExactLane;
 use super::step::TestContext;
 use super::supply::Supply;
-use super::turns::{AtBlocks, AtNodes, Lane, Lanes};
+use super::turns::{AtBlocks, AtNodes, Blocks, Lane, Lanes};
 use crate::layout::wide_node::DONE;
 use crate::memory::{boxed, lengthen};
 use crate::simd::{Compiled, Simd};
@@ -59,7 +59,7 @@ impl Flight {
             lanes.resize_with(FLIGHT, || Lane {
                 ray_state,
                 child: DONE,
-                top: 0,
+                top: stack,
                 best,
                 exact,
                 stack,
@@ -119,8 +119,7 @@ unsafe fn fly<S: Simd, L: Leaves>(
 ) {
     let RayBatch { layout, scene, rays, options, query } = batch;
     let lines = layout.wide.lines();
-    let test = &TestContext { leaves, options, query, keep: KeepAll };
-    let mut leaf_room = L::room();
+    let test = TestContext { leaves, options, query, keep: KeepAll };
     let room = layout.wide.stack();
     let Flight { lanes, stacks, ready, ray_states, packet } = flight;
     let exactly = options.accuracy == Accuracy::Exact;
@@ -132,6 +131,7 @@ unsafe fn fly<S: Simd, L: Leaves>(
         lane.stack = stack.as_mut_ptr();
     }
     let lanes = Lanes { lanes: lanes[..FLIGHT].as_mut_ptr(), room, lines: lines.as_ptr(), leaves };
+    let blocks = &mut Blocks { lanes, test, room: L::room(), exactly };
     loop {
         for number in queues.take(Turn::Refill) {
             // SAFETY: lanes are below FLIGHT.
@@ -151,9 +151,9 @@ unsafe fn fly<S: Simd, L: Leaves>(
                 // Rays that can hit nothing are not handed out.
                 lane.exact = exact.unwrap_or(ExactLane::idle());
             }
-            (lane.child, lane.top) = (0, 0);
+            (lane.child, lane.top) = (0, lane.stack);
             // SAFETY: stacks have the space.
-            unsafe { lanes.stack(lane).begin() };
+            unsafe { lanes.stack(lane.stack).begin() };
             queues.put(number, 0);
         }
         if queues.is_empty() {
@@ -161,8 +161,12 @@ unsafe fn fly<S: Simd, L: Leaves>(
         }
         // SAFETY: the caller's contract; as many lanes as queues have.
         unsafe {
-            queues = S::call(AtNodes(lanes, queues));
-            queues = S::call(AtBlocks { lanes, queues, test, room: &mut leaf_room, exactly });
+            queues = S::call(AtNodes(&lanes, queues));
+            queues = if options.accuracy == Accuracy::Watertight {
+                S::call(AtBlocks::<L, true>(blocks, queues))
+            } else {
+                S::call(AtBlocks::<L, false>(blocks, queues))
+            };
         }
     }
 }

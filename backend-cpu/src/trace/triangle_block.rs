@@ -7,7 +7,7 @@ use crate::layout::packed_block::PackedBlock;
 use crate::simd::{MOST_LANES, Simd};
 
 /// Triangles that are tested at once, as the test reads them.
-pub(crate) trait TriangleBlock {
+pub(crate) trait TriangleBlock: Copy {
     /// Vectors that the corners' coordinates on an axis take: 2 or 3.
     const VECTORS: usize;
 
@@ -30,7 +30,17 @@ pub(crate) trait TriangleBlock {
     ///
     /// # Safety
     /// The processor must have the set, and a block of its width must follow the stored data.
-    unsafe fn coordinates<S: Simd>(&self, axis: usize, vector: usize) -> S::Floats;
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn coordinates<S: Simd>(&self, axis: usize, vector: usize) -> S::Floats {
+        // SAFETY: the caller's contract.
+        unsafe { self.coordinates_at::<S>(size_of::<f32>() * axis, vector) }
+    }
+
+    /// The same, given the bytes from a corner's x to its coordinate on the axis, if these followed each other.
+    ///
+    /// # Safety
+    /// As for [`TriangleBlock::coordinates`].
+    unsafe fn coordinates_at<S: Simd>(&self, bytes: usize, vector: usize) -> S::Floats;
 
     /// The indices that find the corners of the triangles in such vectors.
     ///
@@ -75,9 +85,9 @@ impl TriangleBlock for PackedBlock<'_> {
     }
 
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn coordinates<S: Simd>(&self, axis: usize, vector: usize) -> S::Floats {
+    unsafe fn coordinates_at<S: Simd>(&self, bytes: usize, vector: usize) -> S::Floats {
         // SAFETY: the caller's contract.
-        unsafe { S::load(PackedBlock::coordinates(self, axis).wrapping_add(vector * S::N)) }
+        unsafe { S::load(PackedBlock::coordinates_at(self, bytes).wrapping_add(vector * S::N)) }
     }
 
     #[cfg_attr(not(unoptimised), inline(always))]
@@ -132,10 +142,10 @@ impl TriangleBlock for GatheredBlock<'_> {
     }
 
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn coordinates<S: Simd>(&self, axis: usize, vector: usize) -> S::Floats {
-        let row = (3 * vector + axis) * self.stride;
+    unsafe fn coordinates_at<S: Simd>(&self, bytes: usize, vector: usize) -> S::Floats {
+        let row = (3 * size_of::<f32>() * vector + bytes) * self.stride;
         // SAFETY: the caller's contract.
-        unsafe { S::load(self.words.as_ptr().wrapping_add(row)) }
+        unsafe { S::load(self.words.as_ptr().wrapping_byte_add(row)) }
     }
 
     #[cfg_attr(not(unoptimised), inline(always))]
@@ -154,7 +164,7 @@ impl TriangleBlock for GatheredBlock<'_> {
 /// predicted.
 pub(crate) type Table<S> = [<S as Simd>::Floats; 2];
 
-/// The numbers of the triangles' corners, given a number of each corner.
+/// The numbers of the triangles' corners, given a number of each corner. First corners are all in the first vector.
 ///
 /// # Safety
 /// The processor must have the set.
@@ -166,7 +176,7 @@ pub(crate) unsafe fn of_corners<S: Simd>(
     // SAFETY: the caller's contract.
     unsafe {
         let [a, b, c] = places;
-        [S::look_up(table, a), S::look_up(table, b), S::look_up(table, c)]
+        [S::look_up_low(table[0], a), S::look_up(table, b), S::look_up(table, c)]
     }
 }
 

@@ -4,7 +4,10 @@
 //! Each kind is a function of its own, called once for many rays. Together with everything else a batch needs more registers
 //! than there are: of 123 instructions of a step at a node (AVX2) 23 read back what had been put on the machine's stack.
 
+use core::hint::assert_unchecked;
+
 use splitplane_core::query::traverse::Query;
+use splitplane_core::ray::Accuracy;
 
 use super::block_test::BestHit;
 use super::leaves::Leaves;
@@ -20,8 +23,8 @@ pub(super) struct Lane {
     pub ray_state: RayState,
     /// Its current child.
     pub child: u32,
-    /// Last entry of its stack.
-    pub top: usize,
+    /// Last entry of its stack, or the place before the first.
+    pub top: *mut u32,
     pub best: BestHit,
     pub exact: ExactLane,
     /// Its stack of children, and behind as many entries where the ray enters them.
@@ -51,36 +54,38 @@ impl<L: Leaves> Lanes<L> {
         unsafe { &mut *self.lanes.add(lane) }
     }
 
-    /// A ray's stack.
+    /// A ray's stack from an entry on.
     ///
     /// # Safety
-    /// The ray must be one of these.
+    /// The entry must be of the stack of one of these rays.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(super) unsafe fn stack(self, lane: &Lane) -> TraversalStack {
+    pub(super) unsafe fn stack(self, entry: *mut u32) -> TraversalStack {
         // SAFETY: a stack has twice as many words as entries.
-        let t = unsafe { lane.stack.add(self.room) };
-        TraversalStack { children: lane.stack, t: t.cast() }
+        let t = unsafe { entry.add(self.room) };
+        TraversalStack { children: entry, t: t.cast() }
     }
 }
 
-/// A step of all rays that are at nodes.
-pub(super) struct AtNodes<L>(pub Lanes<L>, pub Queues);
+/// A step of all rays that are at nodes. Two words, so that they are handed over in registers.
+pub(super) struct AtNodes<'a, L>(pub &'a Lanes<L>, pub Queues);
 
-impl<L: Leaves> Compiled for AtNodes<L> {
+impl<L: Leaves> Compiled for AtNodes<'_, L> {
     /// What rays wait for then.
     type Output = Queues;
 
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> Queues {
-        let AtNodes(lanes, mut queues) = self;
+        let AtNodes(&lanes, mut queues) = self;
         for number in queues.take(Turn::Node) {
             // SAFETY: the caller's contract; lanes are below FLIGHT; the child is a node; stacks have the space.
             unsafe {
                 let lane = lanes.lane(number);
-                let (node, top, mut stack) = (lane.child, lane.top, lanes.stack(lane));
-                let (child, top) =
-                    step_in_turn::<S>(&lane.ray_state, lanes.lines, node, &mut stack, top);
-                (lane.child, lane.top) = (child, top);
+                // Read once: the compiler cannot know that what goes on the stack does not change it.
+                let entry = lane.top;
+                let top = lanes.stack(entry);
+                let (child, more) =
+                    step_in_turn::<S>(&lane.ray_state, lanes.lines, lane.child, top);
+                (lane.child, lane.top) = (child, entry.add(more).wrapping_sub(1));
                 ask_for::<S, L>(lanes.lines, lanes.leaves, child);
                 queues.put(number, child);
             }
@@ -89,31 +94,37 @@ impl<L: Leaves> Compiled for AtNodes<L> {
     }
 }
 
-/// A test of all rays that are at blocks.
-pub(super) struct AtBlocks<'a, L: Leaves> {
+/// What rays at blocks share.
+pub(super) struct Blocks<'a, L: Leaves> {
     pub lanes: Lanes<L>,
-    pub queues: Queues,
-    pub test: &'a TestContext<'a, L>,
-    pub room: &'a mut L::Room,
-    /// Accuracy `exact`.
+    pub test: TestContext<'a, L>,
+    pub room: L::Room,
+    /// Whether the accuracy is `exact`.
     pub exactly: bool,
 }
 
-impl<L: Leaves> Compiled for AtBlocks<'_, L> {
+/// A test of all rays that are at blocks, of accuracy `watertight` or of any other: tests of the one have no branches and keep nothing
+/// for the sake of the others. Two words, as above.
+pub(super) struct AtBlocks<'a, 'b, L: Leaves, const WATERTIGHT: bool>(
+    pub &'a mut Blocks<'b, L>,
+    pub Queues,
+);
+
+impl<L: Leaves, const WATERTIGHT: bool> Compiled for AtBlocks<'_, '_, L, WATERTIGHT> {
     /// What rays wait for then.
     type Output = Queues;
 
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> Queues {
-        let AtBlocks { lanes, mut queues, test, room, exactly } = self;
+        let AtBlocks(Blocks { lanes, test, room, exactly }, mut queues) = self;
+        let (lanes, test, exactly) = (*lanes, &*test, *exactly);
         for number in queues.take(Turn::Block) {
             // SAFETY: the caller's contract; lanes are below FLIGHT; children name nodes or leaves; wide rays get no lane; stacks
-            // have the space; entries that were written.
+            // have the space; entries that were written; the accuracy is what it says.
             unsafe {
-                let lane = lanes.lane(number);
-                let mut stack = lanes.stack(lane);
-                let Lane { ray_state, best, child, exact, top, .. } = lane;
-                let (room, exact) = (&mut *room, exactly.then_some(exact));
+                let Lane { ray_state, best, child, exact, top, stack } = lanes.lane(number);
+                assert_unchecked((test.options.accuracy == Accuracy::Watertight) == WATERTIGHT);
+                let (room, exact) = (&mut *room, (exactly && !WATERTIGHT).then_some(exact));
                 let tested = &mut RayTest { test, room, ray_state, best, exact };
                 if TestLeaf(*child, tested).run::<S>() {
                     if test.query == Query::Any {
@@ -122,9 +133,11 @@ impl<L: Leaves> Compiled for AtBlocks<'_, L> {
                     }
                     let stop = best.stop.min(ray_state.stop);
                     ray_state.stop = stop;
-                    *top = stack.cull::<S>(*top, stop);
+                    // Of the entries, the lowest stays.
+                    let entries = top.offset_from(*stack) as usize;
+                    *top = stack.add(lanes.stack(*stack).cull::<S>(entries, stop));
                 }
-                *child = *stack.children.add(*top);
+                *child = **top;
                 *top = top.wrapping_sub(1);
                 ask_for::<S, L>(lanes.lines, lanes.leaves, *child);
                 queues.put(number, *child);

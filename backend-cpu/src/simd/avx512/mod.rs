@@ -145,6 +145,10 @@ impl Simd for Avx512 {
         unsafe { _mm512_permutex2var_ps(low, at, high) }
     }
     #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn look_up_low(table: __m512, at: __m512i) -> __m512 {
+        unsafe { _mm512_permutexvar_ps(at, table) }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn transpose(from: *const f32, stride: usize, to: *mut f32, to_stride: usize) {
         unsafe {
             let quarters = [
@@ -183,7 +187,7 @@ impl Simd for Avx512 {
         to_t: *mut f32,
     ) -> u32 {
         unsafe {
-            let read = _mm_load_si128(direction.places.as_ptr().cast());
+            let read = _mm_loadu_si128(direction.places.as_ptr().cast());
             let places = _mm_shuffle_epi8(_mm_loadu_si128(order.cast()), read);
             let places = _mm512_cvtepu8_epi32(places);
             // The mask in that order: whatever is not in it is infinitely far.
@@ -236,7 +240,7 @@ impl Simd for Avx512 {
         to_t: *mut f32,
     ) -> (u32, usize) {
         unsafe {
-            let read = _mm_load_si128(direction.places.as_ptr().cast());
+            let read = _mm_loadu_si128(direction.places.as_ptr().cast());
             let places = _mm_shuffle_epi8(_mm_loadu_si128(order.cast()), read);
             let places = _mm512_cvtepu8_epi32(places);
             // In order first, then compared: what comes next waits for nothing but the comparison.
@@ -244,7 +248,7 @@ impl Simd for Avx512 {
             let met = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(t, _mm512_permutexvar_ps(places, exit));
             let bits = u32::from(met);
             // The same from the other end, so that the last one comes first: without a look-up in memory.
-            let read = _mm_load_si128(direction.reversed.as_ptr().cast());
+            let read = _mm_loadu_si128(direction.reversed.as_ptr().cast());
             let reversed = _mm_shuffle_epi8(_mm_loadu_si128(order.cast()), read);
             let reversed = _mm512_cvtepu8_epi32(reversed);
             let met_there = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(
