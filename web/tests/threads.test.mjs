@@ -8,7 +8,9 @@ import { fileURLToPath } from "node:url";
 
 import * as api from "../js/node.js";
 import * as part from "../pkg/threads/splitplane_threads.js";
-import { difference } from "./answers.mjs";
+import { nodeWorker } from "../js/pool-node.js";
+import { startPool } from "../js/pool.js";
+import { difference, pictures } from "./answers.mjs";
 import { failure, refusals, report } from "./threads-answers.mjs";
 
 const snapshot = (name) => readFile(new URL(`../../tests/snapshots/web__${name}.snap`, import.meta.url), "utf8");
@@ -46,6 +48,16 @@ test("threads: refusals first, then the native answers", { skip, timeout: 120_00
     assert.equal(found.inner, 1);
     assert.deepEqual([found.aborted.code, found.aborted.cause], ["cancelled", "enough"]);
     assert.ok(found.found > 1000);
+});
+
+test("pictures of the page on threads equal the native ones", { skip, timeout: 120_000 }, async () => {
+    const raw = await import("../target/page/pkg/threads/splitplane_threads.js");
+    const source = await readFile(new URL("../target/page/pkg/threads/splitplane_threads_bg.wasm", import.meta.url));
+    const spawn = () => nodeWorker(new URL("threads-page-worker.mjs", import.meta.url));
+    const { memory, end } = await startPool(raw, { threads: 3, source, spawn, ended: assert.fail });
+    assert.equal(raw.threadCount(), 3);
+    assert.equal(difference(pictures({ Page: raw.Page, memory }), await snapshot("web_pictures")), null);
+    end();
 });
 
 /** What a program of its own prints, as JSON; it must end by itself. */
