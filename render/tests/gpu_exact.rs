@@ -144,6 +144,20 @@ fn pictures_can_be_awaited() {
         redone += found.redone;
     }
     assert!(redone > 0);
+    // A device that does not tell what it leaves is found out.
+    let both = exact(scenes::all());
+    let data = both.scene.data();
+    renderer.limit_paths(u32::MAX);
+    same(&mut renderer, &both);
+    let hits = renderer.first_hits();
+    let settle = render_settle(Kernel::ClosestHits.name()).expect("a third shader");
+    let leave = "leave_undecided(UNDECIDED_PATHS, index, found, first, second, vec3<f32>());";
+    let silent = text(settle).replace(leave, "");
+    assert_ne!(silent, text(settle), "{leave} is gone");
+    renderer.replace_settle(Kernel::ClosestHits, Some(silent));
+    let input = both.scene.input(&data);
+    awaited(renderer.render_for_host_async(&both.device, &input)).0.expect("a frame");
+    assert_ne!(renderer.first_hits(), hits);
 }
 
 #[test]
