@@ -36,6 +36,18 @@ fn nowhere<const N: usize>() -> [[Line; 2]; N] {
     [[Line([f32::INFINITY; WIDTH]), Line([f32::NEG_INFINITY; WIDTH])]; N]
 }
 
+/// The lesser of two numbers, of which none is no number: `f32::min` would ask.
+#[inline(always)]
+fn less(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// The greater of two such numbers.
+#[inline(always)]
+fn greater(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
 impl<const N: usize> PointLayout<N> {
     pub(super) fn new(tree: &PointTree<N>) -> Result<PointLayout<N>, TryReserveError> {
         let blocks = tree.len().div_ceil(WIDTH);
@@ -63,8 +75,8 @@ impl<const N: usize> PointLayout<N> {
                 let (mut least, mut most) = (f32::INFINITY, f32::NEG_INFINITY);
                 for (place, point) in points.iter().enumerate() {
                     lines[axis].0[place] = point[axis];
-                    least = least.min(point[axis]);
-                    most = most.max(point[axis]);
+                    least = less(point[axis], least);
+                    most = greater(point[axis], most);
                 }
                 lower.0[block % WIDTH] = least;
                 upper.0[block % WIDTH] = most;
@@ -76,9 +88,11 @@ impl<const N: usize> PointLayout<N> {
             let (below, above) = levels.split_at_mut(level);
             for (node, children) in below[level - 1].iter().enumerate() {
                 for axis in 0..N {
-                    let least = children[axis][0].0.iter().copied().fold(f32::INFINITY, f32::min);
-                    let most =
-                        children[axis][1].0.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+                    let (mut least, mut most) = (f32::INFINITY, f32::NEG_INFINITY);
+                    for child in 0..WIDTH {
+                        least = less(children[axis][0].0[child], least);
+                        most = greater(children[axis][1].0[child], most);
+                    }
                     let [lower, upper] = &mut above[0][node / WIDTH][axis];
                     lower.0[node % WIDTH] = least;
                     upper.0[node % WIDTH] = most;

@@ -8,7 +8,7 @@ use splitplane_core::points::lists::NeighbourLists;
 use splitplane_core::points::nearest::{NearestOptions, Neighbour, first_stop};
 use splitplane_core::watch::Stage;
 
-use super::search::Visitor;
+use super::search::{NO_FRAMES, Visitor};
 use super::tree::CpuPointTree;
 use crate::cancel::{ProgressMeter, UNWATCHED};
 
@@ -163,7 +163,7 @@ impl<const N: usize> CpuPointTree<N> {
         let filter = options.filter;
         let mut list =
             List { stop, keys: Vec::new(), filter, room, failed: None, visits: 0, meter };
-        self.search(query, &mut list);
+        self.search(query, &mut list, &mut { NO_FRAMES });
         meter.record_work(1 + list.visits % BETWEEN_CHECKS);
         if let Some(error) = list.failed {
             return Err(error);

@@ -1,5 +1,6 @@
 //! Point trees on CPU cores: built in parallel, searched by vectors.
 
+mod divide;
 mod layout;
 mod lists;
 pub(crate) mod order;

@@ -10,6 +10,8 @@ use crate::simd::{Compiled, Simd};
 
 /// What is done with points, by key.
 pub(super) trait Visitor {
+    /// Whether only the least key counts.
+    const ONE: bool = false;
     /// Keys from here on are of no interest.
     fn stop(&self) -> u64;
     /// A key below [`Visitor::stop`].
@@ -18,12 +20,19 @@ pub(super) trait Visitor {
 
 /// A wide node whose children are being followed.
 #[derive(Clone, Copy)]
-struct Frame {
+pub(super) struct Frame {
     squared: Line,
     /// The children that are left, a bit each.
     left: u32,
     node: usize,
 }
+
+/// One of each level. What is left there of one search is nothing to the next.
+pub(super) type Frames = [Frame; LEVELS];
+
+/// Space for them.
+pub(super) const NO_FRAMES: Frames =
+    [Frame { squared: Line([0.0; WIDTH]), left: 0, node: 0 }; LEVELS];
 
 /// Shows points to a visitor until none is left that may be of interest.
 pub(super) struct Search<'a, const N: usize, V> {
@@ -31,6 +40,7 @@ pub(super) struct Search<'a, const N: usize, V> {
     /// In the tree's unit.
     pub query: [f32; N],
     pub visitor: &'a mut V,
+    pub frames: &'a mut Frames,
 }
 
 impl<const N: usize, V: Visitor> Compiled for Search<'_, N, V> {
@@ -39,7 +49,7 @@ impl<const N: usize, V: Visitor> Compiled for Search<'_, N, V> {
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) {
         // SAFETY: the caller's contract.
-        unsafe { search::<S, N, V>(self.layout, &self.query, self.visitor) }
+        unsafe { search::<S, N, V>(self.layout, &self.query, self.visitor, self.frames) }
     }
 }
 
@@ -50,35 +60,38 @@ pub(super) unsafe fn search<S: Simd, const N: usize, V: Visitor>(
     layout: &PointLayout<N>,
     query: &[f32; N],
     visitor: &mut V,
+    frames: &mut Frames,
 ) {
     let levels = layout.levels.as_slice();
     if levels.is_empty() || visitor.stop() == 0 {
         return;
     }
     let top = levels.len() - 1;
-    let mut frames = [Frame { squared: Line([0.0; WIDTH]), left: 0, node: 0 }; LEVELS];
     let mut level = top;
     // SAFETY: the caller's contract.
-    unsafe { enter::<S, N, V>(layout, query, visitor, level, 0, &mut frames[level]) };
+    let mut next =
+        unsafe { enter::<S, N, V>(layout, query, visitor, level, 0, &mut frames[level]) };
     loop {
-        let frame = &mut frames[level];
-        // SAFETY: the caller's contract.
-        let Some(lane) = (unsafe { nearest_left::<S>(frame, distance_of(visitor.stop())) }) else {
+        let Some(lane) = next else {
             if level == top {
                 return;
             }
             level += 1;
+            // SAFETY: the caller's contract.
+            next = unsafe { nearest_left::<S>(&mut frames[level], distance_of(visitor.stop())) };
             continue;
         };
-        let child = frame.node * WIDTH + lane;
-        if level > 0 {
-            level -= 1;
-            // SAFETY: the caller's contract.
-            unsafe { enter::<S, N, V>(layout, query, visitor, level, child, &mut frames[level]) };
-        } else {
-            // SAFETY: the caller's contract.
-            unsafe { visit::<S, N, V>(layout, query, visitor, child) };
-        }
+        let child = frames[level].node * WIDTH + lane;
+        // SAFETY: the caller's contract.
+        next = unsafe {
+            if level > 0 {
+                level -= 1;
+                enter::<S, N, V>(layout, query, visitor, level, child, &mut frames[level])
+            } else {
+                visit::<S, N, V>(layout, query, visitor, child);
+                nearest_left::<S>(&mut frames[level], distance_of(visitor.stop()))
+            }
+        };
     }
 }
 
@@ -100,8 +113,7 @@ unsafe fn nearest_left<S: Simd>(frame: &mut Frame, stop: f32) -> Option<usize> {
             if frame.left == 0 {
                 return None;
             }
-            let least = S::least(frame.left, squared) & frame.left;
-            lane = if least == 0 { frame.left } else { least }.trailing_zeros() as usize;
+            lane = least_of::<S>(frame.left, squared);
         } else {
             let (mut left, mut best) = (frame.left, f32::INFINITY);
             let mut found = false;
@@ -124,7 +136,19 @@ unsafe fn nearest_left<S: Simd>(frame: &mut Frame, stop: f32) -> Option<usize> {
     }
 }
 
-/// Measures the children of a wide node.
+/// The first of these lanes that has the least number of theirs.
+///
+/// # Safety
+/// The processor must have the set.
+#[cfg_attr(not(unoptimised), inline(always))]
+unsafe fn least_of<S: Simd>(of: u32, squared: S::Floats) -> usize {
+    // SAFETY: the caller's contract.
+    let least = unsafe { S::least(of, squared) } & of;
+    // Where all are infinite none may be the least.
+    (if least == 0 { of } else { least }).trailing_zeros() as usize
+}
+
+/// Measures the children of a wide node; the nearest one, if it is near enough, is then no longer left.
 ///
 /// # Safety
 /// The processor must have the set.
@@ -136,13 +160,14 @@ unsafe fn enter<S: Simd, const N: usize, V: Visitor>(
     level: usize,
     node: usize,
     frame: &mut Frame,
-) {
+) -> Option<usize> {
     let children = match level {
         0 => layout.coordinates.len(),
         _ => layout.levels[level - 1].len(),
     };
     let there = (children - node * WIDTH).min(WIDTH);
     let boxes = &layout.levels[level][node];
+    frame.node = node;
     let mut left = 0;
     for first in (0..WIDTH).step_by(S::N) {
         // SAFETY: the caller's contract; a line has sixteen numbers, and a vector no more.
@@ -159,10 +184,22 @@ unsafe fn enter<S: Simd, const N: usize, V: Visitor>(
             }
             S::store(frame.squared.0.as_mut_ptr().add(first), sum);
             left |= S::bits(S::le(sum, S::splat(distance_of(visitor.stop())))) << first;
+            if S::N == WIDTH {
+                // As `nearest_left`, without waiting for the store.
+                left &= 0xffff >> (WIDTH - there);
+                if left == 0 {
+                    frame.left = 0;
+                    return None;
+                }
+                let lane = least_of::<S>(left, sum);
+                frame.left = left & !(1 << lane);
+                return Some(lane);
+            }
         }
     }
     frame.left = left & (0xffff >> (WIDTH - there));
-    frame.node = node;
+    // SAFETY: the caller's contract.
+    unsafe { nearest_left::<S>(frame, distance_of(visitor.stop())) }
 }
 
 /// Shows the points of a block.
@@ -190,7 +227,14 @@ unsafe fn visit<S: Simd, const N: usize, V: Visitor>(
             }
             S::store(row.0.as_mut_ptr().add(first), sum);
             // A place without a point has no distance that means anything.
-            S::bits(S::le(sum, S::splat(distance_of(visitor.stop())))) & there >> first
+            let near = S::bits(S::le(sum, S::splat(distance_of(visitor.stop())))) & there >> first;
+            if V::ONE && near & near.wrapping_sub(1) != 0 {
+                // Where all are at infinity none is the least.
+                let least = S::least(near, sum) & near;
+                if least == 0 { near } else { least }
+            } else {
+                near
+            }
         };
         while near != 0 {
             let place = first + near.trailing_zeros() as usize;

@@ -1,17 +1,20 @@
 //! The point tree of this backend.
 
 use rayon::prelude::*;
+use splitplane_core::arithmetic::Strict;
 use splitplane_core::error::{QueryError, check_bytes, refused};
-use splitplane_core::points::build::{PointBuild, PointBuildError, PointOptions, Subtree};
+use splitplane_core::points::build::{PointBuild, PointBuildError, PointOptions};
 use splitplane_core::points::collect::Collector;
+use splitplane_core::points::distance::{NOTHING, distance_of, distance_squared, key};
 use splitplane_core::points::nearest::{NearestOptions, Neighbour, first_stop};
-use splitplane_core::points::tree::PointTree;
+use splitplane_core::points::tree::{PointTree, Record, height};
 use splitplane_core::query::closest_point::check_lengths;
 use splitplane_core::watch::{Progress, Stage};
 
+use super::divide::{Divide, Finish, Keys, NO_KEYS, Work};
 use super::layout::{LEVELS, PointLayout, WIDTH};
 use super::order::along_curve;
-use super::search::{Search, Visitor};
+use super::search::{Frames, NO_FRAMES, Search, Visitor};
 use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
 use crate::simd::InstructionSet;
 
@@ -19,6 +22,8 @@ use crate::simd::InstructionSet;
 const TASK: usize = 1 << 14;
 /// Most queries that are put in order at a time.
 const CHUNK: usize = 1 << 16;
+/// From so many neighbours on the query before pays for a first bound.
+const MANY: usize = 20;
 /// Queries between two checks of the watch.
 const FEW: usize = 64;
 
@@ -57,7 +62,23 @@ impl<const N: usize> CpuPointTree<N> {
         let mut build = PointBuild::new(points, options)?;
         let total = build.records.len();
         meter.begin_stage(Stage::Points, total as u64);
-        subtree(build.root(), meter);
+        // As many bytes as the tree's points and indices take, which are not there yet.
+        let bytes = (total * size_of::<Record<N>>()) as u64;
+        let refused = |_| PointBuildError::OutOfMemory { needed: bytes, limit: bytes };
+        let mut spare = Vec::new();
+        spare.try_reserve_exact(total).map_err(refused)?;
+        spare.resize(total, Record { bits: [0; N], point: 0 });
+        let work = Work {
+            axes: options.axes,
+            height: height(total),
+            level: 0,
+            records: &mut build.records,
+            spare: &mut spare,
+            moved: false,
+            nodes: &mut build.nodes,
+        };
+        grow(work, InstructionSet::detect(), &mut { NO_KEYS }, meter);
+        drop(spare);
         meter.finish_stage();
         if let Err(splitplane_core::error::BuildError::Cancelled {
             progress: Progress { done, total, .. },
@@ -152,6 +173,9 @@ impl<const N: usize> CpuPointTree<N> {
         spare.try_reserve_exact(queries.len()).map_err(refused)?;
         let (lower, upper) = self.bounds();
         along_curve(queries, lower, upper, &mut keys, &mut spare);
+        let unit = self.tree.unit();
+        let mut frames = NO_FRAMES;
+        let mut before = None;
         for few in keys.chunks(FEW) {
             if meter.is_cancelled() {
                 break;
@@ -159,15 +183,28 @@ impl<const N: usize> CpuPointTree<N> {
             for &key in few {
                 let place = key as u32 as usize;
                 let query = queries[place];
-                collector.begin(first_stop(self.tree.unit(), query, options.max_distance));
-                match options.filter {
-                    None => self.search(query, &mut Plain(&mut collector)),
-                    Some(filter) => self.search(query, &mut Filtered(&mut collector, filter)),
-                }
                 let records = &mut found[place * k..][..k];
+                let stop = first_stop(unit, query, options.max_distance);
+                if k == 1 && options.filter.is_none() {
+                    let mut nearest = Nearest(stop.min(NOTHING));
+                    self.search(query, &mut nearest, &mut frames);
+                    let is_found = nearest.0 < stop.min(NOTHING);
+                    records[0] =
+                        if is_found { Neighbour::of(unit, nearest.0) } else { Neighbour::NONE };
+                    continue;
+                }
+                let at = self.tree.in_units(query);
+                collector.begin(if k < MANY { stop } else { stop.min(reach(before, &at)) });
+                match options.filter {
+                    None => self.search(query, &mut Plain(&mut collector), &mut frames),
+                    Some(filter) => {
+                        self.search(query, &mut Filtered(&mut collector, filter), &mut frames);
+                    }
+                }
                 let keys = collector.finish();
+                before = (keys.len() == k).then(|| (at, distance_of(keys[k - 1])));
                 for (record, &key) in records.iter_mut().zip(keys) {
-                    *record = Neighbour::of(self.tree.unit(), key);
+                    *record = Neighbour::of(unit, key);
                 }
                 records[keys.len()..].fill(Neighbour::NONE);
             }
@@ -192,10 +229,10 @@ impl<const N: usize> CpuPointTree<N> {
     }
 
     #[inline]
-    pub(super) fn search<V: Visitor>(&self, query: [f32; N], visitor: &mut V) {
+    pub(super) fn search<V: Visitor>(&self, query: [f32; N], visitor: &mut V, frames: &mut Frames) {
         let query = self.tree.in_units(query);
         // SAFETY: `set` was detected on this processor.
-        unsafe { self.set.run(Search { layout: &self.layout, query, visitor }) }
+        unsafe { self.set.run(Search { layout: &self.layout, query, visitor, frames }) }
     }
 }
 
@@ -208,23 +245,55 @@ fn bytes<const N: usize>(tree: &PointTree<N>) -> u64 {
 }
 
 /// Builds a subtree, the children of large nodes side by side.
-fn subtree<const N: usize>(tree: Subtree<'_, N>, meter: &ProgressMeter<'_>) {
+fn grow<const N: usize>(
+    work: Work<'_, N>,
+    set: InstructionSet,
+    keys: &mut Keys,
+    meter: &ProgressMeter<'_>,
+) {
     if meter.is_cancelled() {
         return;
     }
-    let points = tree.len();
-    match tree.divide() {
-        Some([left, right]) if points > TASK => {
-            rayon::join(|| subtree(left, meter), || subtree(right, meter));
-        }
-        Some([left, right]) => {
-            subtree(left, meter);
-            subtree(right, meter);
-        }
-        None => {
-            meter.advance(points as u64);
-            meter.record_work(points as u64);
-        }
+    let points = work.len();
+    if points <= TASK {
+        // SAFETY: `set` was detected on this processor.
+        unsafe { set.run(Finish(work, keys)) };
+        meter.advance(points as u64);
+        meter.record_work(points as u64);
+        return;
+    }
+    // SAFETY: `set` was detected on this processor.
+    let [left, right] = unsafe { set.run(Divide(work, keys)) };
+    let side = |work| grow(work, set, &mut { NO_KEYS }, meter);
+    rayon::join(|| side(left), || side(right));
+}
+
+/// See [`reach`]: 2^-60.
+const HIDDEN: f32 = 8.673_617_4e-19;
+
+/// Keys from here on are not among the k least of a query, by the query before it and the squared distance of its k-th point: those
+/// k points are at most so far from it, and it from the query. What sums and roots round is far less than 2^-16 of the distance. A square
+/// that is snapped hides a difference of less than 2^-63, so two distances hide less than 2^-61 (4 axes), and 2^-60 is added.
+fn reach<const N: usize>(before: Option<([f32; N], f32)>, query: &[f32; N]) -> u64 {
+    let Some((other, squared)) = before else { return NOTHING };
+    let apart = distance_squared::<Strict, N>(*query, other);
+    let reach = (apart.sqrt() + squared.sqrt()) * (1.0 + 1.0 / 65_536.0) + HIDDEN;
+    let squared = reach * reach;
+    if squared < f32::INFINITY { key(squared, u32::MAX) } else { NOTHING }
+}
+
+/// The least key.
+struct Nearest(u64);
+
+impl Visitor for Nearest {
+    const ONE: bool = true;
+    #[inline(always)]
+    fn stop(&self) -> u64 {
+        self.0
+    }
+    #[inline(always)]
+    fn visit(&mut self, key: u64) {
+        self.0 = key;
     }
 }
 

@@ -98,23 +98,31 @@ impl<const N: usize> PointBuild<N> {
         if points.len() > MOST_POINTS {
             return Err(PointBuildError::TooManyPoints { points: points.len() });
         }
-        let (mut kept, mut greatest) = (0, 0.0f32);
+        let (mut kept, mut greatest) = (0, 0);
         for point in points {
-            if point.iter().all(|x| x.is_finite()) {
-                kept += 1;
-                greatest = point.iter().fold(greatest, |most, x| most.max(x.abs()));
-            }
+            let most = greatest_bits(point);
+            let is_kept = most < INFINITE;
+            kept += usize::from(is_kept);
+            greatest = greatest.max(if is_kept { most } else { 0 });
         }
         let needed = bytes::<N>(kept);
         if let Some(limit) = options.max_memory.filter(|&limit| needed > limit) {
             return Err(PointBuildError::OutOfMemory { needed, limit });
         }
-        let unit = Unit::of(greatest);
+        let unit = Unit::of(f32::from_bits(greatest));
         let mut records = reserved(kept, needed)?;
-        for (index, &point) in points.iter().enumerate() {
-            if point.iter().all(|x| x.is_finite()) {
-                records.push(Record::new(unit.point::<Strict, N>(point), index as u32));
+        let record = |(index, point): (usize, &[f32; N])| {
+            let mut units = *point;
+            for axis in 0..N {
+                units[axis] = unit.scaled::<Strict>(point[axis]);
             }
+            Record::new(units, index as u32)
+        };
+        let all = points.iter().enumerate();
+        if kept == points.len() {
+            records.extend(all.map(record));
+        } else {
+            records.extend(all.filter(|(_, point)| greatest_bits(point) < INFINITE).map(record));
         }
         let inner = kept.div_ceil(BLOCK).saturating_sub(1);
         let mut nodes = reserved(inner, needed)?;
@@ -149,6 +157,19 @@ impl<const N: usize> PointBuild<N> {
         indices.extend(records.iter().map(|record| record.point));
         Ok(PointTree { axes, unit, report, nodes, points, indices })
     }
+}
+
+/// Magnitudes from here on are not finite.
+const INFINITE: u32 = f32::INFINITY.to_bits();
+
+/// The greatest magnitude of a point's coordinates, as the bits of a float, which are in the order of magnitudes.
+#[inline(always)]
+fn greatest_bits<const N: usize>(point: &[f32; N]) -> u32 {
+    let mut most = 0;
+    for axis in 0..N {
+        most = most.max(point[axis].to_bits() & 0x7fff_ffff);
+    }
+    most
 }
 
 /// Bytes of a build: records, and the tree with points, indices and nodes.

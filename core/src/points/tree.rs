@@ -52,13 +52,23 @@ impl<const N: usize> Record<N> {
     }
 
     /// The point of units with this index.
+    #[inline]
     pub fn new(point: [f32; N], index: u32) -> Record<N> {
-        Record { bits: point.map(ordered_bits), point: index }
+        let mut bits = [0; N];
+        for axis in 0..N {
+            bits[axis] = ordered_bits(point[axis]);
+        }
+        Record { bits, point: index }
     }
 
     /// The coordinates.
+    #[inline]
     pub fn coordinates(&self) -> [f32; N] {
-        self.bits.map(from_ordered)
+        let mut point = [0.0; N];
+        for axis in 0..N {
+            point[axis] = from_ordered(self.bits[axis]);
+        }
+        point
     }
 }
 
