@@ -107,17 +107,17 @@ static void live_once(splitplane_backend backend, unsigned round) {
     need("all hits", splitplane_tree_all_hits(tree, &rays, NULL, &lists, NULL));
     need("free lists", splitplane_lists_free(lists));
     expect("free twice", splitplane_lists_free(lists), SPLITPLANE_STATUS_HANDLE);
-    const float box[6] = {1, 1, 0, 4, 4, 2}, radius = 0.25f;
-    const splitplane_volumes volumes = {SPLITPLANE_VOLUME_KIND_BOX, 0, box, sizeof box, 1, NULL};
-    const splitplane_bodies bodies = {&radius, 0, NULL, 0};
-    splitplane_impact impacts[RAYS];
-    need("overlaps", splitplane_tree_overlaps(tree, &volumes, NULL, &lists, NULL));
-    need("free lists", splitplane_lists_free(lists));
-    need("impacts", splitplane_tree_impacts(tree, &rays, &bodies, NULL, impacts, sizeof impacts[0], NULL));
-    if (impacts[50].triangle == SPLITPLANE_NONE || impacts[50].t >= hits[50].t) {
-        fail("no impact", SPLITPLANE_STATUS_OK);
-    }
     if (round % 8 == 0) {
+        const float box[6] = {1, 1, 0, 4, 4, 2}, radius = 0.25f;
+        const splitplane_volumes volumes = {SPLITPLANE_VOLUME_KIND_BOX, 0, box, sizeof box, 1, NULL};
+        const splitplane_bodies bodies = {&radius, 0, NULL, 0};
+        splitplane_impact impacts[RAYS];
+        need("overlaps", splitplane_tree_overlaps(tree, &volumes, NULL, &lists, NULL));
+        need("free lists", splitplane_lists_free(lists));
+        need("impacts", splitplane_tree_impacts(tree, &rays, &bodies, NULL, impacts, sizeof impacts[0], NULL));
+        if (impacts[50].triangle == SPLITPLANE_NONE || impacts[50].t >= hits[50].t) {
+            fail("no impact", SPLITPLANE_STATUS_OK);
+        }
         const splitplane_instance instance = {{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0}, 0, UINT32_MAX, 0, 0};
         splitplane_scene scene;
         splitplane_point_tree cloud;
