@@ -43,7 +43,8 @@ pub(crate) enum Unfinished {
 }
 
 /// The outcome of `work`, or the limit that it exceeded. With no time at all, nothing is started.
-/// `within` has the time of other work of which this is a part, and for which the limit of time holds too.
+/// `within` has the time of all work of which this is a part, and for which the limit of time holds too; what is done between two parts does
+/// not count.
 pub(crate) fn run<T: Send + 'static>(
     bounds: &Bounds,
     within: Option<&Mutex<Stopwatch>>,
@@ -76,6 +77,9 @@ fn run_metered<T: Send + 'static>(
     work: impl FnOnce() -> T + Send + 'static,
 ) -> Result<T, Unfinished> {
     let mut own = Stopwatch::own();
+    if let Some(within) = within {
+        within.lock().unwrap_or_else(PoisonError::into_inner).resume();
+    }
     let mut is_over = || {
         let within = within.map(|watch| watch.lock().unwrap_or_else(PoisonError::into_inner));
         own.is_over(bounds.time) || within.is_some_and(|mut watch| watch.is_over(bounds.time))
@@ -159,10 +163,22 @@ mod tests {
         let limit = DriverLimit::Time(bounds.time);
         assert_eq!(run(&bounds, None, work), Err(Unfinished::Exceeded(limit)));
         // The end of an enclosing piece of work comes before its own.
-        let whole = Mutex::new(Stopwatch::own());
+        let whole = Mutex::new(Stopwatch::of("no process, so all time counts".into()));
         thread::sleep(bounds.time);
-        let (_release, work) = stalled();
-        assert_eq!(run(&bounds, Some(&whole), work), Err(Unfinished::Exceeded(limit)));
+        assert!(whole.lock().unwrap().is_over(bounds.time));
+        let (send, begun) = mpsc::channel();
+        let out = run(&bounds, Some(&whole), move || send.send(()));
+        assert!(matches!(out, Err(Unfinished::Exceeded(_))), "{out:?}");
+        assert_eq!(begun.recv(), Err(mpsc::RecvError));
+    }
+
+    /// Between two pipelines a device builds and traces, and nobody looks at the time.
+    #[test]
+    fn what_is_done_between_parts_does_not_count() {
+        let bounds = Bounds { time: Duration::from_millis(500), memory: u64::MAX };
+        let whole = Mutex::new(Stopwatch::of("no process, so all time counts".into()));
+        thread::sleep(bounds.time);
+        assert_eq!(run(&bounds, Some(&whole), || 7), Ok(7));
     }
 
     #[test]
