@@ -50,14 +50,14 @@ impl<T: SceneAnswer> Compiled for Following<'_, T> {
         let SceneSingle { scene, ray, options, set } = self.0;
         let mut answer = T::NONE;
         let Some(top_ray) = TopRay::new(ray) else { return Followed::Answer(answer) };
-        let top_ray = VectorRay::new(&top_ray);
+        let top_ray = VectorRay::new(&top_ray, options.accuracy);
         let nodes = scene.top_tree().nodes();
         // Not cleared: that takes as long as a few nodes.
         let mut stack = [MaybeUninit::<TopStack>::uninit(); WIDEST_STACK];
         let stack: *mut TopStack = stack.as_mut_ptr().cast();
         let mut top = usize::from(!nodes.is_empty());
         // SAFETY: the stack has space for the root.
-        unsafe { stack.write((-f32::MAX, 0)) };
+        unsafe { stack.write(TopStack::ROOT) };
         loop {
             let best = answer.best();
             let stop = TopRay::stop_after(ray.t_max.min(best.t));
