@@ -19,7 +19,6 @@ const NONE: u32 = u32::MAX;
 
 /// Bounds, four numbers side by side: of the last, the lower is 0 and the upper what the box is widened by.
 #[derive(Clone, Copy, Debug)]
-#[repr(align(16))]
 pub(super) struct Bounds {
     lo: [f32; 4],
     hi: [f32; 4],
@@ -282,7 +281,7 @@ fn split<const BINS: usize>(
 ) -> (usize, [Part; 2]) {
     let grid = Grid::<BINS>::new(centres);
     if by_cost {
-        // Apart, so that bounds do not lie across cache lines.
+        // Apart, so that fewer bounds lie across cache lines.
         let mut bins = [[Bounds::EMPTY; BINS]; 3];
         let mut counts = [[0u32; BINS]; 3];
         for item in &*items {
