@@ -142,7 +142,7 @@ impl CpuScene {
                 watch: None,
                 singly_below: SINGLY_BELOW,
             };
-            let mut walker = VectorWalker { set: self.set };
+            let mut walker = VectorWalker { set: self.set, accuracy: options.accuracy };
             let part = block.answer(&mut walker, &mut scratch, answers, &mut || {
                 meter.record_work(WORK_BETWEEN_CHECKS);
                 meter.check_batch()

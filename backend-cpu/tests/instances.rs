@@ -5,7 +5,7 @@ use splitplane_core::backend::scene::SceneAccelerator;
 use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::ray::{Accuracy, Culling, Ray};
 use splitplane_core::scene::{
-    InstanceId, Scene, SceneHit, SceneOptions, TopRay, TopTree, WIDEST_STACK, WorldBox,
+    InstanceId, Scene, SceneHit, SceneOptions, TopRay, TopStack, TopTree, WIDEST_STACK, WorldBox,
 };
 use splitplane_cpu::{CpuBackend, InstructionSet};
 use splitplane_test_support::objects::{self, Kind};
@@ -88,7 +88,7 @@ fn lost(rays: &[Ray], hits: &[SceneHit], tree: &TopTree) -> usize {
     let mut lost = 0;
     assert_eq!(rays.len(), hits.len());
     for (ray, hit) in rays.iter().zip(hits).filter(|(_, hit)| hit.is_hit()) {
-        let mut stack = [(0.0, 0); WIDEST_STACK];
+        let mut stack = [TopStack::default(); WIDEST_STACK];
         let (top_ray, mut top) = (TopRay::new(ray).expect("a ray"), tree.begin(&mut stack));
         let found = core::iter::from_fn(|| tree.next(&top_ray, hit.t, &mut stack, &mut top))
             .any(|instance| instance == hit.instance);

@@ -17,7 +17,7 @@ use splitplane_core::scene::file::SceneFile;
 use splitplane_core::scene::shape::{Capsule, OwnShape, ShapeHit, ShapeRay, Shapes, Sphere};
 use splitplane_core::scene::{
     IDENTITY, Instance, InstanceId, OpacityMask, Scene, SceneError, SceneHit, SceneOptions, TopRay,
-    TopTree, WIDEST_STACK, WorldBox, translation,
+    TopStack, TopTree, WIDEST_STACK, WorldBox, translation,
 };
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::objects::{self, Kind};
@@ -330,7 +330,7 @@ fn the_tree_over_shapes_loses_no_hit() {
         assert_eq!(hit.map_or(best, |hit| (hit.t, hit.triangle)), best, "{ray:?}");
         assert_eq!(hit.is_some(), best.1 != u32::MAX);
         found += usize::from(hit.is_some());
-        let mut stack = [(0.0, 0); WIDEST_STACK];
+        let mut stack = [TopStack::default(); WIDEST_STACK];
         let (top_ray, mut top) = (TopRay::new(&ray).unwrap(), tight.begin(&mut stack));
         let entered = core::iter::from_fn(|| tight.next(&top_ray, best.0, &mut stack, &mut top));
         lost += usize::from(hit.is_some() && !entered.into_iter().any(|name| name == best.1));

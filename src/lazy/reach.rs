@@ -59,7 +59,7 @@ impl Reach {
         mut show: impl FnMut(GeometryId) -> bool,
     ) {
         let Some(ready) = TopRay::new(ray) else { return };
-        let mut stack: [TopStack; WIDEST_STACK] = [(0.0, 0); WIDEST_STACK];
+        let mut stack = [TopStack::default(); WIDEST_STACK];
         let mut top = self.top.begin(&mut stack);
         if limit == f32::NEG_INFINITY {
             return;

@@ -83,6 +83,19 @@ impl Keep for KeepSome<'_> {
     }
 }
 
+/// What tells it for a ray alone, whose rejected hits nobody counts.
+#[derive(Clone, Copy)]
+pub(super) struct KeepOf<'a>(pub(super) Kept<'a>);
+
+impl Keep for KeepOf<'_> {
+    const ALL: bool = false;
+
+    #[inline]
+    fn keeps(self, hit: &Hit) -> bool {
+        self.0.keeps(hit)
+    }
+}
+
 impl Counting for KeptHits {
     type Keep<'b> = KeepSome<'b>;
 

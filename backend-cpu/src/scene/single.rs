@@ -7,10 +7,11 @@ use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Hit, Ray};
 use splitplane_core::scene::{InstanceId, SceneHit, SceneOptions, TopRay, TopStack, WIDEST_STACK};
 
+use super::counting::KeepOf;
 use super::parts::{Reached, reached};
 use super::top_walk::{VectorRay, next};
 use crate::simd::{Compiled, InstructionSet, Simd};
-use crate::trace::single::Single;
+use crate::trace::single::{Single, SingleKept};
 
 /// A ray through a scene. `set` must be the one that it is compiled for.
 pub(super) struct SceneSingle<'a> {
@@ -50,14 +51,14 @@ impl<T: SceneAnswer> Compiled for Following<'_, T> {
         let SceneSingle { scene, ray, options, set } = self.0;
         let mut answer = T::NONE;
         let Some(top_ray) = TopRay::new(ray) else { return Followed::Answer(answer) };
-        let top_ray = VectorRay::new(&top_ray);
+        let top_ray = VectorRay::new(&top_ray, options.accuracy);
         let nodes = scene.top_tree().nodes();
         // Not cleared: that takes as long as a few nodes.
         let mut stack = [MaybeUninit::<TopStack>::uninit(); WIDEST_STACK];
         let stack: *mut TopStack = stack.as_mut_ptr().cast();
         let mut top = usize::from(!nodes.is_empty());
         // SAFETY: the stack has space for the root.
-        unsafe { stack.write((-f32::MAX, 0)) };
+        unsafe { stack.write(TopStack::ROOT) };
         loop {
             let best = answer.best();
             let stop = TopRay::stop_after(ray.t_max.min(best.t));
@@ -80,14 +81,22 @@ impl<T: SceneAnswer> Compiled for Following<'_, T> {
                 }
                 Reached::Triangles(accelerator) => {
                     let (layout, scene) = accelerator.parts();
-                    // A hit of which not all parts are known cannot be judged.
-                    let query = if kept.is_some() { Query::Closest } else { T::QUERY };
-                    let single = Single { layout, scene, ray: seen, options: asked, query };
+                    let single =
+                        Single { layout, scene, ray: seen, options: asked, query: T::QUERY };
                     // SAFETY: the caller's contract; the geometry was made for the set.
-                    let first = unsafe { S::call(single) };
-                    match kept {
-                        Some(kept) => kept.next(built, seen, first, (asked, T::QUERY), &mut 0),
-                        None => first,
+                    unsafe {
+                        match kept {
+                            None => S::call(single),
+                            Some(kept) => {
+                                let own = SingleKept { single, keep: KeepOf(kept) };
+                                S::call(own).unwrap_or_else(|| {
+                                    // A hit of which not all parts are known cannot be judged.
+                                    let closest = Single { query: Query::Closest, ..single };
+                                    let first = S::call(closest);
+                                    kept.next(built, seen, first, (asked, T::QUERY), &mut 0)
+                                })
+                            }
+                        }
                     }
                 }
             };

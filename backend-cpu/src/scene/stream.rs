@@ -9,7 +9,7 @@ use core::marker::PhantomData;
 use std::collections::TryReserveError;
 
 use splitplane_core::backend::QueryLayout;
-use splitplane_core::backend::scene::{Asked, BuiltScene, SceneAnswer};
+use splitplane_core::backend::scene::{Asked, BuiltScene, SceneAnswer, limit_within, seen_by};
 use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::scene::{
@@ -18,7 +18,7 @@ use splitplane_core::scene::{
 
 use super::counting::{Counting, EveryHit, KeptHits};
 use super::parts::{Geometries, Reached, all_count};
-use super::seen::seen_by;
+use super::seen::WorldRay;
 use super::top_walk::{VectorRay, next};
 use crate::layout::tree_layout::TreeLayout;
 use crate::layout::wide_node::{CacheLine, DONE};
@@ -107,6 +107,7 @@ struct Lane<'a, T, L, K> {
     geometry: GeometryId,
     /// Its place in the batch; [`RayState::NO_RAY`] for none.
     index: u32,
+    world: WorldRay,
     top_ray: VectorRay,
     /// Entries of its stack of instances.
     tops: usize,
@@ -145,7 +146,7 @@ impl<'a, T: SceneAnswer, L: Found<'a>, C: Counting> Compiled for Flying<'a, T, L
         lengthen(&mut children, room * FLIGHT, DONE)?;
         lengthen(&mut t, room * FLIGHT, 0.0)?;
         let mut top_stacks: Vec<TopStack> = Vec::new();
-        lengthen(&mut top_stacks, top_room * FLIGHT, (0.0, 0))?;
+        lengthen(&mut top_stacks, top_room * FLIGHT, TopStack::default())?;
         let mut lanes: Vec<Lane<'_, T, L, C::Keep<'_>>> = Vec::new();
         lanes.try_reserve_exact(FLIGHT)?;
         lanes.extend((0..FLIGHT).map(|_| Lane {
@@ -158,6 +159,7 @@ impl<'a, T: SceneAnswer, L: Found<'a>, C: Counting> Compiled for Flying<'a, T, L
             instance: InstanceId(0),
             geometry: GeometryId(0),
             index: RayState::NO_RAY,
+            world: WorldRay::none(),
             top_ray: VectorRay::NONE,
             tops: 0,
             answer: T::NONE,
@@ -197,7 +199,9 @@ impl<'a, T: SceneAnswer, L: Found<'a>, C: Counting> Compiled for Flying<'a, T, L
                             continue;
                         };
                         lane.index = following as u32 - 1;
-                        (lane.top_ray, lane.answer) = (VectorRay::new(&top_ray), T::NONE);
+                        let top_ray = VectorRay::new(&top_ray, options.accuracy);
+                        (lane.top_ray, lane.answer) = (top_ray, T::NONE);
+                        lane.world = WorldRay::new(ray);
                         lane.tops = scene.top_tree().begin(top_stack);
                     }
                     let ray = &rays[lane.index as usize];
@@ -244,7 +248,7 @@ impl<'a, T: SceneAnswer, L: Found<'a>, C: Counting> Compiled for Flying<'a, T, L
                         Reached::Triangles(accelerator) => accelerator,
                         Reached::Shapes(shapes) => {
                             entered += 1;
-                            let seen = seen_by(&placement.space, ray, &lane.answer.best()).ray();
+                            let seen = seen_by(placement, ray, &lane.answer.best());
                             let keep = |hit: &Hit| keep.keeps(hit);
                             lane.best.hit = shapes.trace(&seen, &query, T::QUERY, keep);
                             break 'enter Turn::Refill;
@@ -256,12 +260,13 @@ impl<'a, T: SceneAnswer, L: Found<'a>, C: Counting> Compiled for Flying<'a, T, L
                         break 'enter Turn::Refill;
                     }
                     entered += 1;
-                    let seen = seen_by(&placement.space, ray, &lane.answer.best());
+                    let limits = [ray.t_min, limit_within(ray, &lane.answer.best())];
+                    let seen = lane.world.seen_by(placement, limits);
                     match lane.ray_state.prepare_loaded(&seen, scale, T::QUERY) {
                         Readiness::Misses => break 'enter Turn::Refill,
                         Readiness::Ready => {}
                         Readiness::Special => {
-                            let ray = &seen.ray();
+                            let ray = &seen_by(placement, ray, &lane.answer.best());
                             // A hit of which not all parts are known cannot be judged.
                             let first = if C::Keep::ALL { T::QUERY } else { Query::Closest };
                             let hit = match RayState::prepare_by_core(

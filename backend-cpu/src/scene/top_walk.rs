@@ -1,19 +1,27 @@
 //! Rays through the tree over instances, a node's eight boxes at once.
 //!
-//! Each box is tested by the operations that [`TopRay`] states, each rounded by itself, so a ray enters what it enters in
-//! the core's walk. Which of a box's two planes on an axis comes first is known from the direction; the core compares them.
+//! Where the core takes `((plane -+ reach distance) - origin) reciprocal`, vectors take `plane reciprocal - (origin reciprocal +- reach w)`,
+//! with `w` the distance times the magnitude of the reciprocal: the same number, rounded elsewhere. Its roundings are at most three of the
+//! plane, four of the origin and five of what the box is widened by, and one of the result: fewer than boxes allow for (`TEST_ROUNDINGS`). So a ray may
+//! enter other boxes than in the core's walk where it touches them, but none is missed that could have a hit. A box
+//! within another is still never entered before the other. Rays of accuracy `fast`, whose hits are not bound to boxes, are tested by the core's own
+//! operations, so that all backends enter the same instances. Which of a box's two planes on an axis comes first is known from the direction.
+
+use core::mem::offset_of;
 
 use splitplane_core::backend::scene::SceneAnswer;
 use splitplane_core::query::traverse::Query;
+use splitplane_core::ray::Accuracy;
 use splitplane_core::scene::{
     SceneHit, TOP_INSTANCE, TOP_NONE, TOP_WIDTH, TopNode, TopRay, TopStack, TopWalk, TopWalker,
 };
 
-use crate::simd::{Compiled, InstructionSet, Simd};
+use crate::simd::{Compiled, InstructionSet, MOST_LANES, Simd};
 
 /// Walks by vectors, for rays in waves.
 pub(super) struct VectorWalker {
     pub(super) set: InstructionSet,
+    pub(super) accuracy: Accuracy,
 }
 
 impl TopWalker for VectorWalker {
@@ -24,7 +32,7 @@ impl TopWalker for VectorWalker {
         accept: impl FnMut(u32, u32) -> bool,
     ) {
         // SAFETY: the set is one of this processor's.
-        unsafe { self.set.run(Advance { walk, t_max, accept }) }
+        unsafe { self.set.run(Advance { walk, t_max, accept, accuracy: self.accuracy }) }
     }
 }
 
@@ -32,6 +40,7 @@ struct Advance<'a, T, A> {
     walk: TopWalk<'a>,
     t_max: T,
     accept: A,
+    accuracy: Accuracy,
 }
 
 impl<T: Fn(u32) -> f32, A: FnMut(u32, u32) -> bool> Compiled for Advance<'_, T, A> {
@@ -39,15 +48,19 @@ impl<T: Fn(u32) -> f32, A: FnMut(u32, u32) -> bool> Compiled for Advance<'_, T, 
 
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) {
-        let Advance { walk: TopWalk { tree, rays, stacks, tops, active }, t_max, mut accept } =
-            self;
+        let Advance {
+            walk: TopWalk { tree, rays, stacks, tops, active },
+            t_max,
+            mut accept,
+            accuracy,
+        } = self;
         let (nodes, room) = (tree.nodes(), tree.stack());
         let mut kept = 0;
         for place in 0..active.len() {
             let index = active[place];
             let at = index as usize;
             let Some(ray) = &rays[at] else { continue };
-            let ray = VectorRay::new(ray);
+            let ray = VectorRay::new(ray, accuracy);
             let stack = &mut stacks[at * room..][..room];
             let (mut top, stop) = (tops[at], TopRay::stop_after(t_max(index)));
             // SAFETY: the caller's contract; the tree's nodes, and a stack for it.
@@ -73,42 +86,68 @@ impl<T: Fn(u32) -> f32, A: FnMut(u32, u32) -> bool> Compiled for Advance<'_, T, 
     }
 }
 
-/// A [`TopRay`] with what vectors need of it.
+/// Greatest product of an origin and a reciprocal: sums of two do not overflow.
+const PRODUCT_MOST: f32 = 8.507_059e37; // 2^126
+
+/// A [`TopRay`] as vectors need it.
 #[derive(Clone, Copy)]
 pub(super) struct VectorRay {
-    origin: [f32; 3],
     reciprocal: [f32; 3],
-    /// The greatest component of the origin, with the sign by which planes that come first move outwards.
-    outwards: [f32; 3],
-    /// Whether the upper planes come first.
-    negative: [bool; 3],
+    /// The origin times the reciprocal.
+    from: [f32; 3],
+    /// How far planes move for a box that is widened by 1 per unit of the origin, in units of the ray.
+    widening: [f32; 3],
+    /// Where a node has the planes that come first, and those that come last, in bytes.
+    first: [u32; 3],
+    last: [u32; 3],
     t_min: f32,
+    /// False for a ray that enters everything.
     tame: bool,
+    /// What the core's operations need besides; `None` where they are not needed.
+    as_core: Option<AsCore>,
+}
+
+/// The origin, and its greatest component.
+#[derive(Clone, Copy)]
+struct AsCore {
+    origin: [f32; 3],
+    distance: f32,
 }
 
 impl VectorRay {
     /// No ray.
     pub(super) const NONE: VectorRay = VectorRay {
-        origin: [0.0; 3],
         reciprocal: [0.0; 3],
-        outwards: [0.0; 3],
-        negative: [false; 3],
+        from: [0.0; 3],
+        widening: [0.0; 3],
+        first: [0; 3],
+        last: [0; 3],
         t_min: 0.0,
         tame: false,
+        as_core: None,
     };
 
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(super) fn new(ray: &TopRay) -> VectorRay {
+    pub(super) fn new(ray: &TopRay, accuracy: Accuracy) -> VectorRay {
         let TopRay { origin, reciprocal, distance, t_min, tame } = *ray;
-        let [x, y, z] = reciprocal;
-        let negative = [x < 0.0, y < 0.0, z < 0.0];
-        let sign = |negative: bool| if negative { distance } else { -distance };
-        let outwards = [sign(negative[0]), sign(negative[1]), sign(negative[2])];
-        VectorRay { origin, reciprocal, outwards, negative, t_min, tame }
+        let as_core = (accuracy == Accuracy::Fast).then_some(AsCore { origin, distance });
+        let mut own = VectorRay { reciprocal, t_min, tame, as_core, ..VectorRay::NONE };
+        for axis in 0..3 {
+            own.from[axis] = origin[axis] * reciprocal[axis];
+            own.widening[axis] = distance * reciprocal[axis].abs();
+            own.tame &= as_core.is_some() | (own.widening[axis] <= PRODUCT_MOST);
+            let row = (axis * size_of::<[f32; TOP_WIDTH]>()) as u32;
+            let (lo, hi) =
+                (offset_of!(TopNode, lo) as u32 + row, offset_of!(TopNode, hi) as u32 + row);
+            let negative = reciprocal[axis] < 0.0;
+            (own.first[axis], own.last[axis]) = if negative { (hi, lo) } else { (lo, hi) };
+        }
+        own
     }
 }
 
-/// The next instance that the ray enters up to `stop`, for closest hits in the order of boxes; see [`TopTree::next`](splitplane_core::scene::TopTree::next).
+/// The next instance that the ray enters up to `stop`, for closest hits in the order of boxes; see
+/// [`TopTree::next`](splitplane_core::scene::TopTree::next).
 ///
 /// # Safety
 /// The processor must have the set, which must have eight lanes. The nodes must be all those of a tree, and the stack must have the
@@ -124,7 +163,7 @@ pub(super) unsafe fn next<S: Simd, T: SceneAnswer>(
     while *top > 0 {
         *top -= 1;
         // SAFETY: an entry that was written.
-        let (enter, mut child) = unsafe { *stack.add(*top) };
+        let TopStack { enter, mut child } = unsafe { *stack.add(*top) };
         if enter > stop {
             continue;
         }
@@ -155,62 +194,87 @@ unsafe fn spread<S: Simd, T: SceneAnswer>(
     stack: *mut TopStack,
     top: &mut usize,
 ) -> u32 {
-    // Sorting takes longer than what it saves for rays that any hit ends.
-    let is_ordered = T::QUERY == Query::Closest;
-    let mut entered = [-f32::MAX; TOP_WIDTH];
-    let mut met = if ray.tame {
-        // SAFETY: the caller's contract; rows have eight numbers.
-        unsafe {
-            let reach = S::load(node.reach.as_ptr());
-            let (mut near, mut far) = (S::splat(ray.t_min), S::splat(stop));
-            for axis in 0..3 {
-                let [first, last] = if ray.negative[axis] {
-                    [&node.hi[axis], &node.lo[axis]]
-                } else {
-                    [&node.lo[axis], &node.hi[axis]]
-                };
-                let outwards = S::mul(reach, S::splat(ray.outwards[axis]));
-                let (origin, reciprocal) =
-                    (S::splat(ray.origin[axis]), S::splat(ray.reciprocal[axis]));
-                let first = S::sub(S::add(S::load(first.as_ptr()), outwards), origin);
-                let last = S::sub(S::sub(S::load(last.as_ptr()), outwards), origin);
-                near = S::max(S::mul(first, reciprocal), near);
-                far = S::min(S::mul(last, reciprocal), far);
-            }
-            S::store(entered.as_mut_ptr(), S::min(near, S::splat(f32::MAX)));
-            // Where there is no child, the planes are in the wrong order, and nothing is met.
-            S::bits(S::le(near, far))
-        }
-    } else {
-        there(node)
-    };
-    if met == 0 {
-        return TOP_NONE;
-    }
-    let mut slot = met.trailing_zeros() as usize;
-    met &= met - 1;
-    let (bottom, mut end) = (*top, *top);
-    // SAFETY: slots are below eight; the stack has the space.
+    // SAFETY: the caller's contract; a node's stack has space for eight entries.
     unsafe {
+        let (enter, mut met) = if ray.tame {
+            let [near, far] = enter_and_leave::<S>(node, ray, stop);
+            // Where there is no child, the planes are in the wrong order, and nothing is met.
+            let near = S::min(near, S::splat(f32::MAX));
+            (near, S::bits(S::le(near, far)))
+        } else {
+            (S::splat(-f32::MAX), there(node))
+        };
+        if met == 0 {
+            return TOP_NONE;
+        }
+        let children = node.children.as_ptr();
+        let mut slot = met.trailing_zeros() as usize;
+        met &= met - 1;
+        // Sorting takes longer than what it saves for rays that any hit ends.
+        if T::QUERY == Query::Any {
+            S::push_pairs(enter, children, met, stack.add(*top).cast());
+            *top += met.count_ones() as usize;
+            return *children.add(slot);
+        }
+        let mut entered = [0.0; MOST_LANES];
+        S::store(entered.as_mut_ptr(), enter);
+        let (bottom, mut end) = (*top, *top);
         let mut nearest = *entered.get_unchecked(slot);
         while met != 0 {
             let mut other = met.trailing_zeros() as usize;
             met &= met - 1;
             let mut t = *entered.get_unchecked(other);
             // Of equals, the first child is the next.
-            let is_nearer = is_ordered && t < nearest;
+            let is_nearer = t < nearest;
             (slot, other) = if is_nearer { (other, slot) } else { (slot, other) };
             (nearest, t) = if is_nearer { (t, nearest) } else { (nearest, t) };
             let mut at = end;
-            while is_ordered && at > bottom && (*stack.add(at - 1)).0 <= t {
+            while at > bottom && (*stack.add(at - 1)).enter <= t {
                 *stack.add(at) = *stack.add(at - 1);
                 at -= 1;
             }
-            *stack.add(at) = (t, *node.children.get_unchecked(other));
+            *stack.add(at) = TopStack { enter: t, child: *children.add(other) };
             end += 1;
         }
         *top = end;
-        *node.children.get_unchecked(slot)
+        *children.add(slot)
+    }
+}
+
+/// Where the ray enters a node's boxes and where it leaves them, within its limits.
+///
+/// # Safety
+/// As for [`next`].
+#[cfg_attr(not(unoptimised), inline(always))]
+unsafe fn enter_and_leave<S: Simd>(node: &TopNode, ray: &VectorRay, stop: f32) -> [S::Floats; 2] {
+    let rows = core::ptr::from_ref(node).cast::<u8>();
+    // SAFETY: the caller's contract; rows have eight numbers.
+    unsafe {
+        let reach = S::load(node.reach.as_ptr());
+        let (mut near, mut far) = (S::splat(ray.t_min), S::splat(stop));
+        for axis in 0..3 {
+            let first = S::load(rows.add(ray.first[axis] as usize).cast());
+            let last = S::load(rows.add(ray.last[axis] as usize).cast());
+            let reciprocal = S::splat(ray.reciprocal[axis]);
+            let [enter, leave] = if let Some(AsCore { origin, distance }) = ray.as_core {
+                let outwards = if ray.reciprocal[axis] < 0.0 { distance } else { -distance };
+                let outwards = S::mul(reach, S::splat(outwards));
+                let origin = S::splat(origin[axis]);
+                let first = S::sub(S::add(first, outwards), origin);
+                let last = S::sub(S::sub(last, outwards), origin);
+                [S::mul(first, reciprocal), S::mul(last, reciprocal)]
+            } else {
+                let from = S::splat(ray.from[axis]);
+                let out = S::mul(reach, S::splat(ray.widening[axis]));
+                [
+                    S::mul_sub(first, reciprocal, S::add(from, out)),
+                    S::mul_sub(last, reciprocal, S::sub(from, out)),
+                ]
+            };
+            near = S::max(enter, near);
+            far = S::min(leave, far);
+        }
+        [near, far]
     }
 }
 

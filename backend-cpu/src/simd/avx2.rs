@@ -14,6 +14,8 @@ pub(crate) struct Avx2;
 
 /// For each mask of eight its lanes, consecutively.
 static LANES_OF: [[u8; 8]; 256] = lanes_of(false);
+/// The same where numbers become pairs with others: each half of a vector has, of four pairs, two.
+static LANES_OF_PAIRS: [[u8; 8]; 256] = lanes_of_pairs();
 /// Forwards, then backwards: see [`Direction::table`].
 static LANES_BY_DIRECTION: [[[u8; 8]; 256]; 2] = [lanes_of(false), lanes_of(true)];
 
@@ -28,6 +30,21 @@ const fn lanes_of(backwards: bool) -> [[u8; 8]; 256] {
                 table[mask][end] = lane as u8;
                 end += 1;
             }
+            i += 1;
+        }
+        mask += 1;
+    }
+    table
+}
+
+const fn lanes_of_pairs() -> [[u8; 8]; 256] {
+    let (in_order, mut table) = (lanes_of(false), [[0; 8]; 256]);
+    let places = [0, 1, 4, 5, 2, 3, 6, 7];
+    let mut mask = 0;
+    while mask < 256 {
+        let mut i = 0;
+        while i < 8 {
+            table[mask][i] = in_order[mask][places[i]];
             i += 1;
         }
         mask += 1;
@@ -226,6 +243,19 @@ impl Simd for Avx2 {
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn product_error(a: __m256, b: __m256) -> __m256 {
         unsafe { _mm256_fmsub_ps(a, b, _mm256_mul_ps(a, b)) }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn push_pairs(first: __m256, second: *const u32, bits: u32, to: *mut [u32; 2]) {
+        unsafe {
+            let lanes = LANES_OF_PAIRS.get_unchecked(bits as usize & 0xff).as_ptr();
+            let lanes = _mm256_cvtepu8_epi32(_mm_loadl_epi64(lanes.cast()));
+            let second = _mm256_castsi256_ps(_mm256_loadu_si256(second.cast()));
+            let first = _mm256_permutevar8x32_ps(first, lanes);
+            let second = _mm256_permutevar8x32_ps(second, lanes);
+            let to = to.cast::<f32>();
+            _mm256_storeu_ps(to, _mm256_unpacklo_ps(first, second));
+            _mm256_storeu_ps(to.add(8), _mm256_unpackhi_ps(first, second));
+        }
     }
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn call<T: Compiled>(task: T) -> T::Output {

@@ -171,6 +171,24 @@ pub(crate) trait Simd: ReferenceOps + Copy {
         to_t: *mut f32,
     ) -> u32;
 
+    /// Writes the lanes of `bits`, each as a pair of its number in a vector and its number in memory, the first lane first. `N` pairs may be
+    /// written in all.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn push_pairs(first: Self::Floats, second: *const u32, bits: u32, to: *mut [u32; 2]) {
+        let mut row = [0.0; MOST_LANES];
+        // SAFETY: the caller's contract; no set has more lanes.
+        unsafe {
+            Self::store(row.as_mut_ptr(), first);
+            let (mut left, mut end) = (bits, 0);
+            while left != 0 {
+                let lane = left.trailing_zeros() as usize;
+                left &= left - 1;
+                *to.add(end) = [row.get_unchecked(lane).to_bits(), *second.add(lane)];
+                end += 1;
+            }
+        }
+    }
+
     /// Does a task in a function of its own, compiled for the set.
     #[inline(never)]
     unsafe fn call<T: Compiled>(task: T) -> T::Output {

@@ -140,6 +140,12 @@ unsafe fn check_stacks<S: Simd>() {
             if let Some(&place) = places.last() {
                 assert_eq!(last, children[place]);
             }
+            let mut pairs = [[7; 2]; 64];
+            S::push_pairs(floats, children.as_ptr(), mask, pairs.as_mut_ptr().add(3));
+            assert_eq!((pairs[..3].to_vec(), pairs[3 + S::N]), (vec![[7; 2]; 3], [7; 2]));
+            for (k, place) in (0..S::N).filter(|i| mask >> i & 1 != 0).enumerate() {
+                assert_eq!(pairs[3 + k], [t[place].to_bits(), children[place]]);
+            }
 
             // Entered at `t`, left at others: the same as pushing those that are met.
             let exit = row(&mut random);

@@ -49,6 +49,7 @@ impl LoadedRay {
     }
 
     /// The ray as others take it.
+    #[cfg(test)]
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) fn ray(&self) -> Ray {
         Ray::new(self.origin.three(), self.direction.three()).with_limits(self.t_min, self.t_max)

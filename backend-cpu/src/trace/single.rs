@@ -8,7 +8,7 @@ use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 
 use super::batch::{Answers, RayBatch};
 use super::block_test::BestHit;
-use super::keep::KeepAll;
+use super::keep::{Keep, KeepAll};
 use super::leaves::{IndexedLeaves, Leaves, PackedLeaves};
 use super::prepare_one::Readiness;
 use super::ray_state::{RayState, ScalarOutcome};
@@ -60,17 +60,49 @@ impl Compiled for Single<'_> {
         }
         // SAFETY: the caller's contract.
         unsafe {
-            match (readiness, IndexedLeaves::of(self.layout)) {
-                (Readiness::Misses, _) => Hit::MISS,
-                (Readiness::Special, _) => S::call(WithCare(self)),
-                (Readiness::Ready, None) => {
-                    self.through::<S, _, ENTRIES>(PackedLeaves::new(self.layout), &mut ray_state)
-                }
-                (Readiness::Ready, Some(leaves)) => {
-                    self.through::<S, IndexedLeaves<'_>, ENTRIES>(leaves, &mut ray_state)
+            let hit = match readiness {
+                Readiness::Misses => return Hit::MISS,
+                Readiness::Special => return S::call(WithCare(self)),
+                Readiness::Ready => self.through_any::<S, _>(&mut ray_state, KeepAll),
+            };
+            hit.unwrap_or_else(|| self.without_memory())
+        }
+    }
+}
+
+/// One ray, for which not all hits count. `None` for one that is not traced in steps: where accuracy is exact, far away or without memory for
+/// a stack.
+pub(crate) struct SingleKept<'a, K> {
+    pub single: Single<'a>,
+    pub keep: K,
+}
+
+impl<K: Keep> Compiled for SingleKept<'_, K> {
+    type Output = Option<Hit>;
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn run<S: Simd>(self) -> Option<Hit> {
+        let SingleKept { single, keep } = self;
+        let Single { layout, scene, ray, options, query } = single;
+        if layout.wide.lines().is_empty() {
+            return Some(Hit::MISS);
+        }
+        if options.accuracy == Accuracy::Exact {
+            return None;
+        }
+        let mut ray_state = RayState::none();
+        match ray_state.prepare(ray, scene, query) {
+            Readiness::Misses => return Some(Hit::MISS),
+            Readiness::Ready => {}
+            Readiness::Special => {
+                match RayState::prepare_by_core(ray, scene, options.accuracy, query)? {
+                    ScalarOutcome::Traced(moved) => ray_state = moved,
+                    ScalarOutcome::Answer(hit) => return Some(hit),
                 }
             }
         }
+        // SAFETY: the caller's contract.
+        unsafe { single.through_any::<S, _>(&mut ray_state, keep) }
     }
 }
 
@@ -105,44 +137,70 @@ impl Single<'_> {
         reference::trace(layout, scene, ray, options, query)
     }
 
+    /// The hit of a prepared ray, whatever the leaves; `None` where there is no memory for a stack.
+    ///
     /// # Safety
     /// As for [`Compiled::run`].
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn through<S: Simd, L: Leaves, const ENTRIES: usize>(
+    unsafe fn through_any<S: Simd, K: Keep>(
+        &self,
+        ray_state: &mut RayState,
+        keep: K,
+    ) -> Option<Hit> {
+        // SAFETY: the caller's contract.
+        unsafe {
+            match IndexedLeaves::of(self.layout) {
+                None => {
+                    let leaves = PackedLeaves::new(self.layout);
+                    self.through::<S, _, K, ENTRIES>(leaves, ray_state, keep)
+                }
+                Some(leaves) => {
+                    self.through::<S, IndexedLeaves<'_>, K, ENTRIES>(leaves, ray_state, keep)
+                }
+            }
+        }
+    }
+
+    /// # Safety
+    /// As for [`Compiled::run`].
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn through<S: Simd, L: Leaves, K: Keep, const ENTRIES: usize>(
         &self,
         leaves: L,
         ray_state: &mut RayState,
-    ) -> Hit {
+        keep: K,
+    ) -> Option<Hit> {
         let room = self.layout.wide.stack();
         if room > ENTRIES {
             let (mut children, mut t) = (Vec::new(), Vec::new());
             if lengthen(&mut children, room, 0).and(lengthen(&mut t, room, 0.0)).is_err() {
-                return self.without_memory();
+                return None;
             }
             let stack = TraversalStack { children: children.as_mut_ptr(), t: t.as_mut_ptr() };
             // SAFETY: the caller's contract; stacks of that length.
-            return unsafe { self.walk::<S, L>(leaves, ray_state, stack) };
+            return Some(unsafe { self.walk::<S, L, K>(leaves, ray_state, stack, keep) });
         }
         let mut children = [MaybeUninit::<u32>::uninit(); ENTRIES];
         let mut t = [MaybeUninit::<f32>::uninit(); ENTRIES];
         let stack =
             TraversalStack { children: children.as_mut_ptr().cast(), t: t.as_mut_ptr().cast() };
         // SAFETY: the caller's contract; stacks of no less length.
-        unsafe { self.walk::<S, L>(leaves, ray_state, stack) }
+        Some(unsafe { self.walk::<S, L, K>(leaves, ray_state, stack, keep) })
     }
 
     /// # Safety
     /// As for [`Compiled::run`]; the stack must have as many entries as the nodes need.
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn walk<S: Simd, L: Leaves>(
+    unsafe fn walk<S: Simd, L: Leaves, K: Keep>(
         &self,
         leaves: L,
         ray_state: &mut RayState,
         mut stack: TraversalStack,
+        keep: K,
     ) -> Hit {
         let Single { layout, options, query, .. } = *self;
         let lines = layout.wide.lines().as_ptr();
-        let test = &TestContext { leaves, options, query, keep: KeepAll };
+        let test = &TestContext { leaves, options, query, keep };
         let (mut room, mut best) = (L::room(), BestHit::NONE);
         let (room, best) = (&mut room, &mut best);
         let tested = &mut RayTest { test, room, ray_state, best, exact: None };
@@ -205,9 +263,10 @@ mod tests {
             // SAFETY: the caller's contract.
             unsafe {
                 [
-                    self.0.through::<S, _, 1>(leaves, &mut ray_state),
-                    self.0.through::<S, _, ENTRIES>(leaves, &mut again),
+                    self.0.through::<S, _, _, 1>(leaves, &mut ray_state, KeepAll),
+                    self.0.through::<S, _, _, ENTRIES>(leaves, &mut again, KeepAll),
                 ]
+                .map(|hit| hit.expect("memory"))
             }
         }
     }

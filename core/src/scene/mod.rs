@@ -38,13 +38,13 @@ pub use hit::{GeometryId, InstanceId, MAX_INSTANCES, MAX_OPACITY_LEVEL, SceneHit
 pub use opacity::OpacityMask;
 pub use options::{Filter, IgnoredTriangle, SceneOptions, SceneReport};
 pub use outline::Outline;
-pub use placement::Placement;
+pub use placement::{LEAST_OF_RAY, LEAST_OF_WAY, Placement};
 pub use shape_tree::ShapeTree;
 pub use top_build::top_tree_bytes;
 pub use top_tree::{
     INSTANCE as TOP_INSTANCE, NONE as TOP_NONE, TopNode, TopTree, WIDTH as TOP_WIDTH,
 };
 pub use top_walk::{ScalarWalker, TopRay, TopStack, TopWalk, TopWalker, WIDEST_STACK};
-pub(crate) use transform::transformed;
+pub(crate) use transform::{Defect, transformed};
 pub use transform::{IDENTITY, ObjectSpace, Transform, translation};
 pub use world_box::WorldBox;

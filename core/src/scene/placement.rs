@@ -2,7 +2,7 @@
 
 use super::description::Instance;
 use super::outline::Outline;
-use super::transform::ObjectSpace;
+use super::transform::{Defect, ObjectSpace};
 use super::world_box::WorldBox;
 use crate::aabb::Aabb;
 use crate::ray::Culling;
@@ -18,7 +18,16 @@ pub struct Placement {
     pub bounds: Aabb,
     /// The box in the world; `None` for an instance of a geometry without triangles, which nothing enters.
     pub world_box: Option<WorldBox>,
+    /// Whether each number of the way into the object's space is 0 or at least [`LEAST_OF_WAY`] in magnitude. For rays whose numbers are 0
+    /// or at least [`LEAST_OF_RAY`], products are then 0 or at least 2^-102, multiples of 2^-125, and so are all sums of
+    /// them: none is snapped, but for the sign of zeros.
+    pub ordinary: bool,
 }
+
+/// See [`Placement::ordinary`]: 2^-62.
+pub const LEAST_OF_WAY: f32 = 2.168_404_3e-19;
+/// See [`Placement::ordinary`]: 2^-40.
+pub const LEAST_OF_RAY: f32 = 9.094_947e-13;
 
 impl Placement {
     /// An instance with its space, of a geometry with these bounds and this outline.
@@ -28,15 +37,42 @@ impl Placement {
         bounds: &Aabb,
         outline: Option<&Outline>,
     ) -> Placement {
-        let world_box = WorldBox::new(&instance.transform, &space, bounds, outline);
-        Placement { instance: *instance, space, bounds: *bounds, world_box }
+        let defect = space.defect(&instance.transform);
+        Placement::with_defect(instance, (space, &defect), bounds, outline)
+    }
+
+    /// The same where the space's defect is known.
+    pub(crate) fn with_defect(
+        instance: &Instance,
+        (space, defect): (ObjectSpace, &Defect),
+        bounds: &Aabb,
+        outline: Option<&Outline>,
+    ) -> Placement {
+        let of_triangles = (&space, defect);
+        let world_box = WorldBox::with_defect(&instance.transform, of_triangles, bounds, outline);
+        Placement::with_box(instance, space, bounds, world_box)
     }
 
     /// The same of a geometry of shapes, whose outside is where it is: a reflection does not exchange their sides.
     pub fn of_shapes(instance: &Instance, space: ObjectSpace, bounds: &Aabb) -> Placement {
         let world_box = WorldBox::of_shapes(&instance.transform, &space, bounds);
         let space = ObjectSpace { mirrored: false, ..space };
-        Placement { instance: *instance, space, bounds: *bounds, world_box }
+        Placement::with_box(instance, space, bounds, world_box)
+    }
+
+    fn with_box(
+        instance: &Instance,
+        space: ObjectSpace,
+        bounds: &Aabb,
+        world_box: Option<WorldBox>,
+    ) -> Placement {
+        let mut ordinary = true;
+        for row in &space.inverse {
+            for number in row {
+                ordinary &= (number.abs() >= LEAST_OF_WAY) | (*number == 0.0);
+            }
+        }
+        Placement { instance: *instance, space, bounds: *bounds, world_box, ordinary }
     }
 
     /// The side of triangles, as the object sees them, that is ignored: by the query, and by the instance. A reflection

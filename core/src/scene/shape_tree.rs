@@ -158,7 +158,7 @@ impl ShapeTree {
         let (Some(top_ray), Some(ready)) = (TopRay::new(ray), ShapeRay::new::<Strict>(ray)) else {
             return;
         };
-        let mut stack: [TopStack; WIDEST_STACK] = [(0.0, 0); WIDEST_STACK];
+        let mut stack = [TopStack::default(); WIDEST_STACK];
         let (mut top, mut stop) = (self.tree.begin(&mut stack), ray.t_max);
         while let Some(primitive) = self.tree.next(&top_ray, stop, &mut stack, &mut top) {
             let Some(beyond) = test(&ready, primitive) else { return };

@@ -74,11 +74,15 @@ impl WorldBox {
     }
 
     /// Half the area, in `f64`, where no finite box's overflows.
+    #[inline]
     pub(super) fn half_area(&self) -> f64 {
-        let [x, y, z] = [0, 1, 2].map(|axis| {
+        // A loop, since closures over arrays are not compiled into who calls this.
+        let mut extents = [0.0; 3];
+        for axis in 0..3 {
             let extent = f64::from(self.bounds.hi[axis]) - f64::from(self.bounds.lo[axis]);
-            extent.max(0.0)
-        });
+            extents[axis] = if extent > 0.0 { extent } else { 0.0 };
+        }
+        let [x, y, z] = extents;
         x * y + y * z + z * x
     }
 }

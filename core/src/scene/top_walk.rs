@@ -42,22 +42,26 @@ impl TopRay {
     /// direction, no `t` between the limits.
     #[inline]
     pub fn new(ray: &Ray) -> Option<TopRay> {
-        let mut finite = true;
+        // Loops, since closures over arrays are not compiled into who calls this.
+        let (mut finite, mut distance, mut length) = (true, 0.0f32, 0.0f32);
         for axis in 0..3 {
-            finite &= ray.origin[axis].abs() <= f32::MAX;
-            finite &= ray.direction[axis].abs() <= f32::MAX;
+            let (from, along) = (ray.origin[axis].abs(), ray.direction[axis].abs());
+            finite &= (from <= f32::MAX) & (along <= f32::MAX);
+            let along = snap(along);
+            distance = if from > distance { from } else { distance };
+            length = if along > length { along } else { length };
         }
         let some_t = ray.t_min <= ray.t_max;
-        let greatest = |v: [f32; 3]| v.into_iter().fold(0.0f32, |m, x| m.max(x.abs()));
-        let length = greatest(ray.direction.map(snap));
         if !(finite & some_t) || length == 0.0 {
             return None;
         }
-        let distance = greatest(ray.origin);
         let tame =
             (1.0 / DIRECTION_MOST..=DIRECTION_MOST).contains(&length) && distance <= ORIGIN_MOST;
         let least = length * DIRECTION_LEAST;
-        let reciprocal = ray.direction.map(|d| 1.0 / if d.abs() < least { least } else { d });
+        let mut reciprocal = [0.0; 3];
+        for (to, &along) in reciprocal.iter_mut().zip(&ray.direction) {
+            *to = 1.0 / if along.abs() < least { least } else { along };
+        }
         let t_min = (ray.t_min - ray.t_min.abs() * STOP_SLACK) - f32::MIN_POSITIVE;
         Some(TopRay { origin: ray.origin, reciprocal, distance, t_min, tame })
     }
@@ -101,9 +105,20 @@ impl TopRay {
     }
 }
 
-/// A stack of nodes and instances that a ray still has to enter, the next one last. An entry is where the ray enters
-/// the box, and the child.
-pub type TopStack = (f32, u32);
+/// An entry of a ray's stack of what it still has to enter, the next one last.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TopStack {
+    /// Where the ray enters the box.
+    pub enter: f32,
+    /// A node or an instance, as [`TopNode::children`] has them.
+    pub child: u32,
+}
+
+impl TopStack {
+    /// The root, which every ray enters.
+    pub const ROOT: TopStack = TopStack { enter: -f32::MAX, child: 0 };
+}
 
 /// Rays on their way through the tree over instances.
 pub struct TopWalk<'a> {
@@ -170,7 +185,7 @@ impl TopTree {
         if self.nodes.is_empty() {
             return 0;
         }
-        stack[0] = (-f32::MAX, 0);
+        stack[0] = TopStack::ROOT;
         1
     }
 
@@ -187,7 +202,7 @@ impl TopTree {
         let stop = TopRay::stop_after(t_max);
         while *top > 0 {
             *top -= 1;
-            let (enter, child) = stack[*top];
+            let TopStack { enter, child } = stack[*top];
             if enter > stop {
                 continue;
             }
@@ -204,11 +219,11 @@ impl TopTree {
                 }
                 // The farthest first; of equals, the first child is the next.
                 let mut at = *top;
-                while at > bottom && stack[at - 1].0 <= t {
+                while at > bottom && stack[at - 1].enter <= t {
                     stack[at] = stack[at - 1];
                     at -= 1;
                 }
-                stack[at] = (t, node.children[slot]);
+                stack[at] = TopStack { enter: t, child: node.children[slot] };
                 *top += 1;
             }
         }

@@ -17,6 +17,9 @@ pub const fn translation(by: [f32; 3]) -> Transform {
     [[1.0, 0.0, 0.0, by[0]], [0.0, 1.0, 0.0, by[1]], [0.0, 0.0, 1.0, by[2]]]
 }
 
+/// How far a transform times its inverse is from the identity, by rows.
+pub(crate) type Defect = [[f64; 4]; 3];
+
 /// The way from the world into an object's space: the inverse of its transform.
 ///
 /// The inverse is made in `f64`, by cofactors in a stated order, and rounded to `f32` once; components below 2^-126
@@ -33,6 +36,12 @@ impl ObjectSpace {
     /// The space of a transform; `None` where it has no inverse that is finite in `f32` and, times the transform, within 1/8
     /// of the identity.
     pub fn new(transform: &Transform) -> Option<ObjectSpace> {
+        ObjectSpace::with_defect(transform).map(|(space, _)| space)
+    }
+
+    /// The space of a transform with its [`ObjectSpace::defect`].
+    #[inline]
+    pub(crate) fn with_defect(transform: &Transform) -> Option<(ObjectSpace, Defect)> {
         let a = in_f64(transform);
         // Products of two `f32` are exact in `f64`; those of three neither overflow nor underflow.
         let minor = |r: [usize; 2], c: [usize; 2]| {
@@ -68,12 +77,13 @@ impl ObjectSpace {
         }
         let space = ObjectSpace { inverse, mirrored: determinant < 0.0 };
         let off = space.defect(transform);
-        (0..3).all(|row| off[row][0] + off[row][1] + off[row][2] <= 0.125).then_some(space)
+        let is_near = (0..3).all(|row| off[row][0] + off[row][1] + off[row][2] <= 0.125);
+        is_near.then_some((space, off))
     }
 
     /// How far transform times inverse is from the identity: bounds on the magnitude of each component, and in the last
     /// column of where the object's origin comes back to.
-    pub(crate) fn defect(&self, transform: &Transform) -> [[f64; 4]; 3] {
+    pub(crate) fn defect(&self, transform: &Transform) -> Defect {
         let (a, m) = (in_f64(transform), in_f64(&self.inverse));
         let mut off = [[0.0; 4]; 3];
         for (row, off) in off.iter_mut().enumerate() {

@@ -2,7 +2,7 @@
 
 use super::outline::Outline;
 use super::shape::SHAPE_SLACK;
-use super::transform::{ObjectSpace, SUM_ERROR, Transform, in_f64, transformed};
+use super::transform::{Defect, ObjectSpace, SUM_ERROR, Transform, in_f64, transformed};
 use crate::aabb::Aabb;
 
 /// `u`: the relative error of one rounding of an `f32`.
@@ -69,6 +69,16 @@ impl WorldBox {
         bounds: &Aabb,
         outline: Option<&Outline>,
     ) -> Option<WorldBox> {
+        WorldBox::with_defect(transform, (space, &space.defect(transform)), bounds, outline)
+    }
+
+    /// The same where the space's defect is known.
+    pub(crate) fn with_defect(
+        transform: &Transform,
+        space: (&ObjectSpace, &Defect),
+        bounds: &Aabb,
+        outline: Option<&Outline>,
+    ) -> Option<WorldBox> {
         if bounds.is_empty() {
             return None;
         }
@@ -85,13 +95,14 @@ impl WorldBox {
         if bounds.is_empty() {
             return None;
         }
+        let space = (space, &space.defect(transform));
         let own = WorldBox::of(transform, space, bounds, None, SHAPES);
         Some(own.unwrap_or(WorldBox::EVERYWHERE))
     }
 
     fn of(
         transform: &Transform,
-        space: &ObjectSpace,
+        (space, defect): (&ObjectSpace, &Defect),
         bounds: &Aabb,
         outline: Option<&Outline>,
         errs: Errs,
@@ -119,7 +130,6 @@ impl WorldBox {
         if !(is_tame && moved && near(own) && near(world)) {
             return None;
         }
-        let defect = space.defect(transform);
         let turns = transform.iter().any(|row| row[..3].iter().filter(|x| **x != 0.0).count() > 1);
         let tight = match outline {
             Some(outline) if turns => outline.transformed(transform),
@@ -183,7 +193,12 @@ fn max(a: f64, b: f64) -> f64 {
 /// The greatest `f32` that is not above, finite.
 pub(super) fn below(x: f64) -> f32 {
     let near = x as f32;
-    (if f64::from(near) > x { near.next_down() } else { near }).clamp(-f32::MAX, f32::MAX)
+    // The float before it is one bit pattern less, or more where it is negative; +0 is never above. Without a branch, since
+    // no processor can foresee it.
+    let bits = near.to_bits();
+    let step = ((bits as i32 >> 31) | 1) as u32;
+    let is_above = u32::from(f64::from(near) > x);
+    f32::from_bits(bits.wrapping_sub(step.wrapping_mul(is_above))).clamp(-f32::MAX, f32::MAX)
 }
 
 /// The least `f32` that is not below, finite.

@@ -165,7 +165,7 @@ impl BuiltScene {
             Some(watch) => Some(watch),
             None => None,
         };
-        let mut stack: [TopStack; WIDEST_STACK] = [(0.0, 0); WIDEST_STACK];
+        let mut stack = [TopStack::default(); WIDEST_STACK];
         let Some(top_ray) = TopRay::new(ray) else { return Ok(()) };
         let mut top = self.top.begin(&mut stack);
         while let Some(name) = self.top.next(&top_ray, ray.t_max, &mut stack, &mut top) {

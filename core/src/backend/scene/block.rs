@@ -212,7 +212,7 @@ impl Block<'_> {
         remake(&mut scratch.tops, count, 0)?;
         // Stacks need not be cleared.
         if scratch.stacks.len() < count * room {
-            remake(&mut scratch.stacks, count * room, (0.0, 0))?;
+            remake(&mut scratch.stacks, count * room, TopStack::default())?;
         }
         remake(&mut scratch.active, count, 0)?;
         remake(&mut scratch.entries, 0, Entry { group: 0, ray: 0 })?;

@@ -13,8 +13,8 @@ use crate::mesh::Mesh;
 use crate::query::intersect::{Limits, SceneScale};
 use crate::scene::ShapeTree;
 use crate::scene::{
-    Edits, GeometryId, GeometryMesh, Instance, InstanceId, ObjectSpace, OpacityMask, Outline,
-    Placement, SceneDigest, TopTree,
+    Defect, Edits, GeometryId, GeometryMesh, Instance, InstanceId, ObjectSpace, OpacityMask,
+    Outline, Placement, SceneDigest, TopTree,
 };
 use crate::tree::digest::Digest;
 use crate::triangle::{Prepared, prepare};
@@ -111,10 +111,15 @@ impl BuiltGeometry {
     }
 
     /// An instance of it, where it is.
-    pub(super) fn place(&self, instance: &Instance, space: ObjectSpace) -> Placement {
+    #[inline]
+    pub(super) fn place(
+        &self,
+        instance: &Instance,
+        (space, defect): (ObjectSpace, &Defect),
+    ) -> Placement {
         match self.shapes {
             Some(_) => Placement::of_shapes(instance, space, &self.bounds),
-            None => Placement::new(instance, space, &self.bounds, self.outline()),
+            None => Placement::with_defect(instance, (space, defect), &self.bounds, self.outline()),
         }
     }
 }

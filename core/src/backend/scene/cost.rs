@@ -12,7 +12,7 @@ impl BuiltScene {
     /// are tested. Nodes of the trees over instances and over shapes, which are not kd-trees, are not counted, nor is what an opacity mask or
     /// a filter makes it search once more. Returns the closest hit too. Ignores the options' watch.
     pub fn cost_of(&self, ray: &Ray, options: &SceneOptions<'_>) -> (SceneHit, Cost) {
-        let mut stack: [TopStack; WIDEST_STACK] = [(0.0, 0); WIDEST_STACK];
+        let mut stack = [TopStack::default(); WIDEST_STACK];
         let (mut best, mut cost) = (SceneHit::MISS, Cost::default());
         let Some(top_ray) = TopRay::new(ray) else { return (best, cost) };
         let mut top = self.top.begin(&mut stack);

@@ -58,7 +58,7 @@ impl BuiltScene {
         options: &LocateOptions<'_>,
         report: &mut QueryReport,
     ) -> Result<Option<i32>, QueryError> {
-        let mut stack: [TopStack; WIDEST_STACK] = [(0.0, 0); WIDEST_STACK];
+        let mut stack = [TopStack::default(); WIDEST_STACK];
         // A ray that ends where it begins enters what holds the point.
         let ray = Ray::new(point, [1.0, 0.0, 0.0]).with_limits(0.0, 0.0);
         let Some(top_ray) = TopRay::new(&ray) else { return Ok(Some(0)) };

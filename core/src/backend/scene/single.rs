@@ -10,7 +10,7 @@ impl BuiltScene {
     /// The answer to one ray: through the tree over the instances, and each geometry's own query of one ray. Ignores the options'
     /// watch.
     pub fn answer_one<T: SceneAnswer>(&self, ray: &Ray, options: &SceneOptions<'_>) -> T {
-        let mut stack: [TopStack; WIDEST_STACK] = [(0.0, 0); WIDEST_STACK];
+        let mut stack = [TopStack::default(); WIDEST_STACK];
         let mut answer = T::NONE;
         let Some(top_ray) = TopRay::new(ray) else { return answer };
         let mut top = self.top.begin(&mut stack);

@@ -354,8 +354,10 @@ impl BuiltScene {
             return Ok(());
         }
         // Checked when it was edited.
-        let Some(space) = ObjectSpace::new(&instance.transform) else { return Ok(()) };
-        let placement = geometry.place(instance, space);
+        let Some((space, defect)) = ObjectSpace::with_defect(&instance.transform) else {
+            return Ok(());
+        };
+        let placement = geometry.place(instance, (space, &defect));
         push(&mut plan.placements, (name, Some(placement)))
     }
 

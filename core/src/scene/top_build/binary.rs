@@ -10,6 +10,8 @@ use crate::aabb::{Aabb, max, min};
 /// Bins of one axis, for few items and for many. What finding a border costs is in proportion to the bins.
 const FEW_BINS: usize = 8;
 const MANY_BINS: usize = 16;
+/// Numbers from here to twice this are whole, and their last bits say which: 2^23.
+const WHOLE: f32 = 8_388_608.0;
 /// Items that are few.
 const FEW: usize = 32;
 /// No node.
@@ -224,6 +226,7 @@ struct Part {
 impl Part {
     const EMPTY: Part = Part { bounds: Bounds::EMPTY, centres: Bounds::EMPTY };
 
+    #[inline(always)]
     fn add(&mut self, item: &Item) {
         self.bounds.add(&item.bounds);
         self.centres.add_point(&item.bounds.centre());
@@ -247,19 +250,25 @@ impl<const BINS: usize> Grid<BINS> {
         Grid { lo: centres.lo, scale }
     }
 
-    /// The bins of a centre along the axes.
-    fn bins(&self, centre: &[f32; 4]) -> [usize; 3] {
-        let mut bins = [0; 3];
-        for axis in 0..3 {
+    /// The bins of a centre along the axes; the fourth means nothing.
+    #[inline(always)]
+    fn bins(&self, centre: &[f32; 4]) -> [u32; 4] {
+        let mut bins = [0; 4];
+        for axis in 0..4 {
             bins[axis] = self.bin(centre, axis);
         }
         bins
     }
 
-    fn bin(&self, centre: &[f32; 4], axis: usize) -> usize {
+    /// By a sum whose last bits are the number, rounded: conversions take several instructions for each axis, this a few for all.
+    #[inline(always)]
+    fn bin(&self, centre: &[f32; 4], axis: usize) -> u32 {
+        let at = (centre[axis] - self.lo[axis]) * self.scale[axis] - 0.5;
         // What is not a number, an extent next to 0 times its reciprocal, is in the first.
-        let at = ((centre[axis] - self.lo[axis]) * self.scale[axis]) as u32;
-        (at as usize).min(BINS - 1)
+        let at = if at > 0.0 { at } else { 0.0 };
+        let last = (BINS - 1) as f32;
+        let at = if at < last { at } else { last };
+        (at + WHOLE).to_bits() & (BINS as u32 * 2 - 1)
     }
 }
 
@@ -272,19 +281,21 @@ fn split<const BINS: usize>(
 ) -> (usize, [Part; 2]) {
     let grid = Grid::<BINS>::new(centres);
     if by_cost {
-        let mut bins = [[(Bounds::EMPTY, 0u32); BINS]; 3];
+        // Apart, so that fewer bounds lie across cache lines.
+        let mut bins = [[Bounds::EMPTY; BINS]; 3];
+        let mut counts = [[0u32; BINS]; 3];
         for item in &*items {
             let own = grid.bins(&item.bounds.centre());
             for axis in 0..3 {
-                let (bounds, count) = &mut bins[axis][own[axis]];
-                bounds.add(&item.bounds);
-                *count += 1;
+                let bin = own[axis] as usize % BINS;
+                bins[axis][bin].add(&item.bounds);
+                counts[axis][bin] += 1;
             }
         }
         let mut best: Option<(f64, usize, usize)> = None;
-        for (axis, bins) in bins.iter().enumerate() {
+        for axis in 0..3 {
             if grid.scale[axis] > 0.0
-                && let Some((cost, border)) = best_border(bins)
+                && let Some((cost, border)) = best_border(&bins[axis], &counts[axis])
                 && best.is_none_or(|(least, ..)| cost < least)
             {
                 best = Some((cost, axis, border));
@@ -295,7 +306,7 @@ fn split<const BINS: usize>(
             let mut first = 0;
             for place in 0..items.len() {
                 let item = items[place];
-                let is_above = grid.bin(&item.bounds.centre(), axis) >= border;
+                let is_above = grid.bin(&item.bounds.centre(), axis) as usize >= border;
                 // Always exchanged, since a processor cannot tell which way a branch would go: what is here already is above too.
                 items[place] = items[first];
                 items[first] = item;
@@ -321,23 +332,26 @@ fn split<const BINS: usize>(
 }
 
 /// The best border of bins by SAH, and its cost; `None` where all centres are in one bin.
-fn best_border<const BINS: usize>(bins: &[(Bounds, u32); BINS]) -> Option<(f64, usize)> {
+fn best_border<const BINS: usize>(
+    bins: &[Bounds; BINS],
+    counts: &[u32; BINS],
+) -> Option<(f64, usize)> {
     // What is above each border: its cost, 0 where there is nothing.
     let mut above = [0.0; BINS];
     let (mut bounds, mut count) = (Bounds::EMPTY, 0);
     for border in (1..BINS).rev() {
-        bounds.add(&bins[border].0);
-        count += bins[border].1;
+        bounds.add(&bins[border]);
+        count += counts[border];
         above[border] = if count == 0 { 0.0 } else { bounds.half_area() * f64::from(count) };
     }
-    let total = count + bins[0].1;
+    let total = count + counts[0];
     let mut best: Option<(f64, usize)> = None;
     let (mut bounds, mut count) = (Bounds::EMPTY, 0);
     for border in 1..BINS {
-        let (own, more) = &bins[border - 1];
-        bounds.add(own);
+        let more = counts[border - 1];
+        bounds.add(&bins[border - 1]);
         count += more;
-        if *more == 0 || count == total {
+        if more == 0 || count == total {
             continue;
         }
         let cost = bounds.half_area() * f64::from(count) + above[border];
