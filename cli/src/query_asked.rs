@@ -83,7 +83,7 @@ pub(super) enum Asked<A: Answers> {
 
 impl<A: Answers> Asked<A> {
     /// Reads rays or points, and makes room for the answers.
-    pub fn read(arguments: &Arguments) -> Result<Asked<A>, Failure> {
+    pub(super) fn read(arguments: &Arguments) -> Result<Asked<A>, Failure> {
         Ok(match Given::read(arguments)? {
             Given::Points(points) if arguments.kind == Kind::Inside => {
                 Asked::Inside(points, Located::default())
@@ -106,7 +106,7 @@ impl<A: Answers> Asked<A> {
     }
 
     /// Rays or points.
-    pub fn count(&self) -> usize {
+    pub(super) fn count(&self) -> usize {
         match self {
             Asked::Closest(rays, _) | Asked::Any(rays, _) | Asked::All(rays, _) => rays.len(),
             Asked::Inside(points, _) | Asked::ClosestPoint { points, .. } => points.len(),
@@ -114,7 +114,7 @@ impl<A: Answers> Asked<A> {
     }
 
     /// Rays that hit, crossings, points inside, or points that have a closest one.
-    pub fn found(&self) -> usize {
+    pub(super) fn found(&self) -> usize {
         match self {
             Asked::Closest(_, hits) => hits.iter().filter(|hit| A::is_hit(hit)).count(),
             Asked::Any(_, hits) => hits.iter().filter(|hit| **hit).count(),
