@@ -51,11 +51,21 @@ unpack() {
     rm -rf "$folder"
 }
 
+# Sources of the standard library, of which that for shared memory is built.
+add_sources() {
+    { command -v rustup && timeout 120 rustup component add rust-src; } >/dev/null 2>&1 ||
+        say "rustup cannot add rust-src: modules for threads will be left out"
+}
+
 setup_rust() {
-    if installed_has_target || unpacked; then return; fi
+    if unpacked; then return; fi
+    if installed_has_target; then
+        installed_has_sources || add_sources
+        return
+    fi
     if command -v rustup >/dev/null && timeout 120 rustup target add "$target" >/dev/null 2>&1; then
         say "rustup has added $target"
-        timeout 120 rustup component add rust-src >/dev/null 2>&1 || say "rustup cannot add rust-src: modules for threads will be left out"
+        add_sources
         return
     fi
     command -v apt-get >/dev/null ||

@@ -57,7 +57,7 @@ impl<'a, T: bytemuck::Pod> Of<'a, T> {
         // SAFETY: as the caller says.
         unsafe {
             match stride {
-                0 => Ok(Of::All(read(first, what)?)),
+                0 if count > 0 => Ok(Of::All(read(first, what)?)),
                 _ => Ok(Of::Each(Given::new(first, stride, count, what)?)),
             }
         }

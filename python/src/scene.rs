@@ -159,12 +159,13 @@ impl Scene {
         lazy: bool,
     ) -> PyResult<Scene> {
         let options = build_options(&arguments)?;
-        let config = options.config;
-        let opened = open(py, &backend.0, backend.1.as_deref(), config.preset())?;
+        let opened = open(py, &backend.0, backend.1.as_deref(), options.config.preset())?;
         let description = Description::new();
-        let options = BuildOptions { config, ..BuildOptions::default() };
         let built = match lazy {
-            true => Built::Lazy(Box::new(lazily(&opened, &description, &options)?), None),
+            true => {
+                let scene = lazily(&opened, &description, &options)?;
+                Built::Lazy(Box::new(scene), options.max_memory)
+            }
             false => {
                 let built = opened.backend().build_scene(&description, &options);
                 Built::Whole(built.map_err(Failure::from)?)

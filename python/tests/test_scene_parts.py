@@ -106,6 +106,12 @@ def test_lists_of_what_is_ignored() -> None:
     one = scene.closest_hits(rays[:1])
     pair = (int(one.instance[0]), int(one.triangle[0]))
     np.testing.assert_array_equal(scene.closest_hits(rays, ignore=pair).t, scene.closest_hits(rays, ignore=[pair]).t)
+    # All of an instance, as a pair and as a list; what is near takes one triangle.
+    mask_out = scene.any_hits(rays, ignore=[(1, MISS)])
+    np.testing.assert_array_equal(scene.any_hits(rays, ignore=(1, MISS)), mask_out)
+    assert mask_out.sum() < scene.any_hits(rays).sum()
+    with pytest.raises(splitplane.RangeError, match="all of an instance"):
+        scene.closest_points(rays[:, :3], ignore=(1, MISS))
     for empty in ([], (), np.zeros((0, 2), np.int64)):
         np.testing.assert_array_equal(scene.closest_hits(rays, ignore=empty).t, scene.closest_hits(rays).t)
     plain = every.first()

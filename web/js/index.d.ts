@@ -39,7 +39,7 @@ export interface ThreadsOptions {
  * threads. All other functions stay the same, and so do their answers, bit for bit.
  *
  * In a browser the page has to be isolated (`crossOriginIsolated`), and a Worker has to call it, since a window's own thread cannot wait. Node has no
- * such conditions. Where there can be no threads, or the part for them was not built, it is rejected with code `threads`, and `init` is what is left.
+ * such conditions. Where there can be no threads, or the part for them was not built, it is rejected with code `threads`, and `init` is what is left; `type` is the code of what is of another type.
  * The other codes: `config` for numbers out of their range and for a second call, `not-ready` where the compiled part cannot be loaded.
  *
  * A thread that ends before its time, for lack of memory say, ends the call that waits for it, and all later ones, with code `crashed`.

@@ -56,6 +56,8 @@ export function webWorker(worker) {
 function begin(worker, told, ended) {
     return new Promise((resolve, reject) => {
         const late = setTimeout(() => reject(refused(`a worker has not begun after ${PATIENCE / 1000} s`)), PATIENCE);
+        // Where others are refused first, Node is not to wait for this.
+        late.unref?.();
         const fail = (text) => {
             clearTimeout(late);
             reject(refused(text));

@@ -151,7 +151,7 @@ function chooseBackend() {
     $("again").hidden = true;
     delete window.onGpu;
     // Threads and WebGPU are in two compiled parts: a worker has one of them.
-    if (isOn ? about.threads === 1 : !withGpu) {
+    if (isOn ? about?.threads === 1 : !withGpu) {
         worker.postMessage({ do: "gpu", isOn, preset: $("preset").value });
         return;
     }

@@ -322,7 +322,12 @@ function isTrap(error) {
     return error instanceof WebAssembly.RuntimeError || error instanceof RangeError;
 }
 
+/** Whether the page was told so: each thread that traps comes here, and the page starts one new worker. */
+let isOver = false;
+
 function end(error) {
+    if (isOver) return;
+    isOver = true;
     tell("failed", { text: `The compiled part has ended (${error.message ?? error}).`, isDead: true });
 }
 
@@ -341,7 +346,8 @@ onmessage = async ({ data }) => {
     try {
         await does[data.do](data);
     } catch (error) {
-        tell("failed", { text: error.message ?? String(error), isDead: isTrap(error) });
+        if (isTrap(error)) end(error);
+        else tell("failed", { text: error.message ?? String(error), isDead: false });
     }
 };
 

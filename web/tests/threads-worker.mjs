@@ -33,7 +33,7 @@ const does = {
         await api.initThreads({ threads: 3 });
         const { positions, indices } = noise(100_000);
         let built = null;
-        for (let round = 0; round < 10 && built === null; round += 1) {
+        for (let round = 0; round < 1000 && built === null; round += 1) {
             built = await failure(api, () => api.Tree.build(positions, indices, { progress() {} }).free());
         }
         return { built, later: await failure(api, () => api.Tree.build(positions, indices)), isReady: api.isReady() };

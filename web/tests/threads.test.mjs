@@ -71,7 +71,7 @@ function program(name, given = [], ...more) {
 
 test("a thread that traps ends the call that waits for it, and those after it", { skip }, () => {
     const planted = new URL("threads-planted.mjs", import.meta.url).href;
-    const { built, later, isReady } = program("threads-dies.mjs", ["10"], "--import", planted);
+    const { built, later, isReady } = program("threads-dies.mjs", ["1000"], "--import", planted);
     assert.equal(built.code, "crashed");
     assert.match(built.text, /a thread of the compiled part has ended/);
     assert.equal(later.code, "crashed");

@@ -197,12 +197,6 @@ fn select<const N: usize>(
 ) -> (u32, usize) {
     let count = records.len();
     assert!(axis < N && spare.len() == count, "once, so that the loops need not ask");
-    if count <= 2 * BLOCK {
-        return select_counted::<N, { 2 * BLOCK }>(records, rank, axis);
-    }
-    if count <= 4 * BLOCK {
-        return select_counted::<N, { 4 * BLOCK }>(records, rank, axis);
-    }
     if count < FEW {
         for (key, record) in keys.iter_mut().zip(records) {
             *key = record.bits[axis];
@@ -215,7 +209,8 @@ fn select<const N: usize>(
         *key = records[place].bits[axis];
     }
     let sample = &mut keys[..size];
-    let at = rank * size / count;
+    // In 64 bits, since 32 are too few for the product where there are millions.
+    let at = (rank as u64 * size as u64 / count as u64) as usize;
     let upper =
         if at + reach < size { *sample.select_nth_unstable(at + reach).1 } else { u32::MAX };
     let lower = if at >= reach { *sample.select_nth_unstable(at - reach).1 } else { 0 };
@@ -258,33 +253,6 @@ fn sampled(count: usize) -> impl Iterator<Item = usize> {
         state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
         ((u64::from(state) * count as u64) >> 32) as usize
     })
-}
-
-/// Counts for each of up to `MOST` coordinates how many are below it: nothing there cannot be predicted.
-#[cfg_attr(not(unoptimised), inline(always))]
-fn select_counted<const N: usize, const MOST: usize>(
-    records: &[Record<N>],
-    rank: usize,
-    axis: usize,
-) -> (u32, usize) {
-    let mut keys = [u32::MAX; MOST];
-    for (key, record) in keys.iter_mut().zip(records) {
-        *key = record.bits[axis];
-    }
-    let mut below = [0u32; MOST];
-    for other in keys {
-        for (below, &key) in below.iter_mut().zip(&keys) {
-            *below += u32::from(other < key);
-        }
-    }
-    // The one of the rank has the most below it of those that have no more than the rank.
-    let (mut plane, mut most) = (0, 0);
-    for (&key, &below) in keys.iter().zip(&below) {
-        if below <= rank as u32 && below >= most {
-            (plane, most) = (key, below);
-        }
-    }
-    (plane, most as usize)
 }
 
 /// The number of a rank, and how many are below it.

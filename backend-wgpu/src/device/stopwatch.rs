@@ -36,6 +36,12 @@ impl Stopwatch {
         Stopwatch { process, started: now, seen: now, ran, spent: Duration::ZERO }
     }
 
+    /// As if it had last been asked so long ago.
+    #[cfg(test)]
+    pub(crate) fn unseen_for(self, time: Duration) -> Stopwatch {
+        Stopwatch { seen: self.seen.checked_sub(time).expect("a clock that old"), ..self }
+    }
+
     /// Leaves out what has passed since it was asked last. What threads did meanwhile is not known, and what they do now does not tell.
     #[cfg_attr(target_family = "wasm", allow(dead_code, reason = "nothing is waited for there"))]
     pub(crate) fn resume(&mut self) {

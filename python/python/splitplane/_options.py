@@ -50,7 +50,10 @@ def ignored_instance(ignore: Any) -> tuple[int, int] | None:
         return None
     if not isinstance(ignore, (tuple, list)) or len(ignore) != 2:
         raise DtypeError("ignore must be a pair: an instance and a triangle of it")
-    return whole(ignore[0], "ignore"), whole(ignore[1], "ignore")
+    instance, triangle = whole(ignore[0], "ignore"), whole(ignore[1], "ignore")
+    if triangle == MISS:
+        raise RangeError("ignore names all of an instance, which lists for rays can; here it names one triangle. To leave an instance out, take mask")
+    return instance, triangle
 
 
 def ignored_list(ignore: Any) -> tuple[int, int] | U32 | None:
@@ -58,7 +61,9 @@ def ignored_list(ignore: Any) -> tuple[int, int] | U32 | None:
     if ignore is None:
         return None
     if isinstance(ignore, (tuple, list)) and len(ignore) == 2 and all(np.ndim(part) == 0 for part in ignore):
-        return ignored_instance(ignore)
+        instance, triangle = (whole(part, "ignore") for part in ignore)
+        # A list, since one pair names a triangle: none has this name.
+        return np.array([(instance, MISS)], np.uint32) if triangle == MISS else (instance, triangle)
     pairs = as_array(ignore, "ignore")
     if pairs.size == 0 and pairs.ndim == 1 and not isinstance(ignore, np.ndarray):
         return np.zeros((0, 2), np.uint32)
