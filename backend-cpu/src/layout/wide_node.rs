@@ -67,6 +67,13 @@ pub(crate) const fn leaf_bit(child: u32) -> usize {
     (child >> 31) as usize
 }
 
+/// 0 for a node, 1 for a leaf, 2 for [`DONE`]: for code without branches.
+#[cfg_attr(not(unoptimised), inline(always))]
+pub(crate) const fn kind_of(child: u32) -> u64 {
+    // Nodes stay below 2^31 with one more, leaves below 2^32, and the sentinel comes to that.
+    (child as u64 + 1) >> 31
+}
+
 /// The number of a leaf.
 #[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) const fn leaf_number(child: u32) -> u32 {

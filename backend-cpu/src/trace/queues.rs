@@ -1,6 +1,6 @@
 //! The rays under way by what they wait for.
 
-use crate::layout::wide_node::{DONE, leaf_bit};
+use crate::layout::wide_node::{DONE, kind_of, leaf_bit};
 
 /// Rays under way, at most 16.
 pub(crate) const FLIGHT: usize = 16;
@@ -35,8 +35,7 @@ impl Queues {
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) fn put(&mut self, lane: usize, child: u32) {
         const { assert!(DONE == u32::MAX && leaf_bit(DONE - 1) == 1 && FLIGHT == 16) };
-        // Nodes stay below 2^31 with one more, leaves below 2^32, and the sentinel comes to that: the queue's number.
-        let queue = (u64::from(child) + 1) >> 31;
+        let queue = kind_of(child);
         self.0 |= 1 << (16 * queue + lane as u64);
     }
 

@@ -36,8 +36,23 @@ const INNOCENT: &[(&str, &str)] = &[
 
 /// Names of what holds a node's words, and of what is put into them.
 const NAMES: &[&str] = &[
-    "child", "children", "first", "header", "kept", "leaf", "node", "nodes", "own", "parent",
-    "right", "tag", "tagged", "unit", "word", "words",
+    "child",
+    "children",
+    "first",
+    "first_word",
+    "header",
+    "kept",
+    "leaf",
+    "node",
+    "nodes",
+    "own",
+    "parent",
+    "right",
+    "tag",
+    "tagged",
+    "unit",
+    "word",
+    "words",
 ];
 
 /// What formats of nodes are shifted by and masked with: axis and child of a canonical node, the mark of a leaf among
