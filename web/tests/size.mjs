@@ -4,10 +4,9 @@ import { existsSync, readFileSync } from "node:fs";
 import { brotliCompressSync, constants, gzipSync } from "node:zlib";
 
 const limits = [
-    // The goal of these is 400,000 too, missed by one and two per cent.
-    ["queries alone", ["../pkg/splitplane_bg.wasm"], 405_000],
+    ["queries alone", ["../pkg/splitplane_bg.wasm"], 400_000],
     ["WebGPU, when it is asked for", ["../pkg/gpu/splitplane_gpu_bg.wasm"], 400_000],
-    ["queries alone, on threads", ["../pkg/threads/splitplane_threads_bg.wasm"], 410_000],
+    ["queries alone, on threads", ["../pkg/threads/splitplane_threads_bg.wasm"], 400_000],
     ["the demonstration page, with WebGPU", ["../target/page/pkg/splitplane_bg.wasm"], 1_500_000],
     ["the demonstration page where it is isolated, until WebGPU is asked for", ["../target/page/pkg/threads/splitplane_threads_bg.wasm"], 1_500_000],
 ];
