@@ -93,19 +93,6 @@ fn rays_of_every_kind() {
     assert!(matches!(error, Err(RenderError::PixelTooDeep { .. })), "{error:?}");
 }
 
-/// Polls a future to its end, as an executor without anything else to do; and how often it gave way.
-fn awaited<F: Future>(future: F) -> (F::Output, u32) {
-    use std::task::{Context, Poll, Waker};
-    let (mut future, mut gave_way) = (std::pin::pin!(future), 0);
-    loop {
-        match future.as_mut().poll(&mut Context::from_waker(Waker::noop())) {
-            Poll::Ready(out) => return (out, gave_way),
-            Poll::Pending => gave_way += 1,
-        }
-        std::thread::sleep(std::time::Duration::from_micros(200));
-    }
-}
-
 /// Without blocking between waves: the same bytes and counts, in one slice, in several, and repeated in smaller ones; dropped in the middle
 /// and begun again.
 #[test]
@@ -128,7 +115,8 @@ fn pictures_can_be_awaited() {
         let waker = std::task::Waker::noop();
         assert!(left.as_mut().poll(&mut std::task::Context::from_waker(waker)).is_pending());
         drop(left);
-        let (found, gave_way) = awaited(renderer.render_for_host_async(&both.device, &input));
+        let (found, gave_way) =
+            device::awaited(renderer.render_for_host_async(&both.device, &input));
         let found = found.expect("a frame");
         assert_eq!(
             (found.plan, found.redone),
@@ -156,7 +144,7 @@ fn pictures_can_be_awaited() {
     assert_ne!(silent, text(settle), "{leave} is gone");
     renderer.replace_settle(Kernel::ClosestHits, Some(silent));
     let input = both.scene.input(&data);
-    awaited(renderer.render_for_host_async(&both.device, &input)).0.expect("a frame");
+    device::awaited(renderer.render_for_host_async(&both.device, &input)).0.expect("a frame");
     let silenced = renderer.first_hits();
     // Other tests share the renderer.
     renderer.replace_settle(Kernel::ClosestHits, None);
@@ -172,7 +160,7 @@ fn devices_that_were_not_tested_refuse() {
     let error = renderer.render(&both.device, &both.scene.input(&data)).expect_err("not tested");
     assert_eq!(error, RenderError::ExactOnDevice);
     let input = both.scene.input(&data);
-    let (error, _) = awaited(renderer.render_for_host_async(&both.device, &input));
+    let (error, _) = device::awaited(renderer.render_for_host_async(&both.device, &input));
     assert_eq!(error.expect_err("not tested"), RenderError::ExactOnDevice);
 }
 

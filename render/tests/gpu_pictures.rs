@@ -49,19 +49,6 @@ fn pictures_have_the_bits_of_the_cpus() {
     same(&mut renderer, &both(sized(scenes::all(), [31, 17])));
 }
 
-/// Polls a future to its end, as an executor without anything else to do; and how often it gave way.
-fn awaited<F: Future>(future: F) -> (F::Output, u32) {
-    use std::task::{Context, Poll, Waker};
-    let (mut future, mut gave_way) = (std::pin::pin!(future), 0);
-    loop {
-        match future.as_mut().poll(&mut Context::from_waker(Waker::noop())) {
-            Poll::Ready(out) => return (out, gave_way),
-            Poll::Pending => gave_way += 1,
-        }
-        std::thread::sleep(std::time::Duration::from_micros(200));
-    }
-}
-
 /// Frames that are awaited without blocking have the same bits, and come with all outputs.
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
@@ -78,7 +65,7 @@ fn pictures_can_be_awaited() {
     let (pixels, hits) = (cpu.pixels().to_vec(), cpu.first_hits().to_vec());
 
     let mut renderer = device::renderer();
-    let (stats, gave_way) = awaited(renderer.render_for_host_async(&both.device, &input));
+    let (stats, gave_way) = device::awaited(renderer.render_for_host_async(&both.device, &input));
     let stats = stats.expect("a frame");
     assert_eq!((stats.paths, stats.shadow_rays), (expected.paths, expected.shadow_rays));
     assert!(gave_way > 0, "it did not wait");
@@ -86,7 +73,7 @@ fn pictures_can_be_awaited() {
     assert_eq!(renderer.first_hits().expect("hits"), hits);
     // Void at first: the renderer repeats it in smaller slices.
     renderer.limit_paths(64);
-    let (halved, _) = awaited(renderer.render_for_host_async(&both.device, &input));
+    let (halved, _) = device::awaited(renderer.render_for_host_async(&both.device, &input));
     renderer.limit_paths(u32::MAX);
     assert_eq!(halved.expect("a frame").paths, expected.paths);
     assert_eq!(renderer.pixels().expect("pixels"), pixels);
@@ -95,7 +82,7 @@ fn pictures_can_be_awaited() {
     let waker = std::task::Waker::noop();
     assert!(left.as_mut().poll(&mut std::task::Context::from_waker(waker)).is_pending());
     drop(left);
-    let (again, _) = awaited(renderer.render_for_host_async(&both.device, &input));
+    let (again, _) = device::awaited(renderer.render_for_host_async(&both.device, &input));
     assert!(again.is_ok());
     drop(renderer);
 
@@ -104,7 +91,7 @@ fn pictures_can_be_awaited() {
     let mesh = both.scene.mesh();
     both.scene.with_appearance(|appearance| {
         let options = BuildOptions::default();
-        let (tracer, _) = awaited(Tracer::load_async(backend, &mesh, appearance, &options));
+        let (tracer, _) = device::awaited(Tracer::load_async(backend, &mesh, appearance, &options));
         let mut tracer = tracer.expect("a tracer");
         let request = FrameRequest {
             camera: input.camera,
@@ -114,14 +101,14 @@ fn pictures_can_be_awaited() {
             query: input.query,
         };
         for again in 0..2 {
-            let (frame, _) = awaited(tracer.frame_async(&mesh, &request));
+            let (frame, _) = device::awaited(tracer.frame_async(&mesh, &request));
             let frame = frame.expect("a frame");
             assert_eq!(&*frame.pixels().expect("pixels"), pixels, "{again}");
             assert_eq!(&*frame.first_hits().expect("hits"), hits, "{again}");
             let moved = splitplane_render::tracer::Moved { mesh, name: None };
             tracer.submit_rebuild(&moved, &options).expect("a build");
         }
-        let (replaced, _) = awaited(tracer.replace_async(&mesh, appearance, &options));
+        let (replaced, _) = device::awaited(tracer.replace_async(&mesh, appearance, &options));
         replaced.expect("a tree");
         assert!(tracer.accelerator().is_some());
     });

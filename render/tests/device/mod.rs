@@ -31,6 +31,19 @@ pub(crate) fn gpu() -> Arc<Gpu> {
     GPU.get_or_init(open).clone()
 }
 
+/// Polls a future to its end, as an executor without anything else to do; and how often it gave way.
+pub(crate) fn awaited<F: Future>(future: F) -> (F::Output, u32) {
+    use std::task::{Context, Poll, Waker};
+    let (mut future, mut gave_way) = (std::pin::pin!(future), 0);
+    loop {
+        match future.as_mut().poll(&mut Context::from_waker(Waker::noop())) {
+            Poll::Ready(out) => return (out, gave_way),
+            Poll::Pending => gave_way += 1,
+        }
+        std::thread::sleep(std::time::Duration::from_micros(200));
+    }
+}
+
 /// The renderer of this process, for one test at a time: what it compiled serves the next.
 pub(crate) fn renderer() -> MutexGuard<'static, WgpuRenderer> {
     static RENDERER: OnceLock<Mutex<WgpuRenderer>> = OnceLock::new();
