@@ -202,8 +202,9 @@ fn dot(a: Vector, b: Vector) -> f64 {
 ///
 /// With q the point, p = q - a, e = b - a, f = c - a and n = e x f, the foot has the weights v = n (p x f) / nn and
 /// w = n (e x p) / nn; it counts where nn > 0, v >= 0, w >= 0 and v + w <= 1. By these the foot of a triangle of angle x is off by
-/// u R / x along the triangle. Where x is small, nn < ee ff / 256, the weights of what is left, p - v e - w f, are added, and the foot is off by
-/// as much less as that is shorter than p. Of an edge from r with direction s it is the point at (q - r) s / ss, clamped to
+/// u R / x along the triangle. So where x is small, nn < ee ff / 256, the foot goes along the longer one of e and f, e if they are equal, and along
+/// the height above it, which is at a right angle to it whatever x is: with h = f - (f e / ee) e and q = p - (p e / ee) e, w = q h / hh and
+/// v = p e / ee - w (f e / ee), and as much with e and f exchanged. Of an edge from r with direction s it is the point at (q - r) s / ss, clamped to
 /// [0, 1], or r where ss is 0. Foot, a to b, a to c, b to c are compared in this order; a later one replaces an earlier one only where it is
 /// nearer.
 pub fn of_triangle(point: [f64; 3], corners: &Triangle) -> ClosestPoint {
@@ -225,13 +226,14 @@ pub fn of_corners(point: [f64; 3], corners: [[f64; 3]; 3]) -> ClosestPoint {
     let (p, n) = (difference(point, a), cross(e, f));
     let (ee, ff, nn) = (dot(e, e), dot(f, f), dot(n, n));
     if nn > 0.0 {
-        let weights = |p| [dot(n, cross(p, f)) / nn, dot(n, cross(e, p)) / nn];
-        let [mut v, mut w] = weights(p);
-        if nn < SLIVER * (ee * ff) {
-            let rest = [0, 1, 2].map(|axis| (p[axis] - v * e[axis]) - w * f[axis]);
-            let [more_v, more_w] = weights(rest);
-            (v, w) = (v + more_v, w + more_w);
-        }
+        let [v, w] = match nn < SLIVER * (ee * ff) {
+            false => [dot(n, cross(p, f)) / nn, dot(n, cross(e, p)) / nn],
+            true if ff > ee => {
+                let [w, v] = by_height(p, f, e, ff);
+                [v, w]
+            }
+            true => by_height(p, e, f, ee),
+        };
         if v >= 0.0 && w >= 0.0 && v + w <= 1.0 {
             consider(v, w);
         }
@@ -261,7 +263,16 @@ fn part(a: f64, b: f64) -> f64 {
     if part > 0.0 { if part < 1.0 { part } else { 1.0 } } else { 0.0 }
 }
 
-/// The square of the sine of an angle, 1/16, below which a triangle's foot is computed in two steps.
+/// The weights of the foot of p, of the `long` edge and of the other one, by the height above the long edge, whose square is given.
+fn by_height(p: Vector, long: Vector, other: Vector, square: f64) -> [f64; 2] {
+    let (along_p, along_other) = (dot(p, long) / square, dot(other, long) / square);
+    let above = |x: Vector, part: f64| [0, 1, 2].map(|axis| x[axis] - part * long[axis]);
+    let (q, height) = (above(p, along_p), above(other, along_other));
+    let weight = dot(q, height) / dot(height, height);
+    [along_p - weight * along_other, weight]
+}
+
+/// The square of the sine of an angle, 1/16, below which a triangle's foot is computed by its height.
 const SLIVER: f64 = 1.0 / 256.0;
 
 /// About what a search holds, for errors.

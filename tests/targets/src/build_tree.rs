@@ -67,7 +67,7 @@ fn knobs(stages: &mut Stages) -> [&mut u32; 3] {
 }
 
 /// A preset, some of its knobs turned to any value.
-fn options(source: &mut Source<'_>) -> BuildOptions<'static> {
+pub(crate) fn options(source: &mut Source<'_>) -> BuildOptions<'static> {
     let mut config = source.pick(&Preset::ALL).config();
     // Few triangles make large nodes only where small ones are smaller still.
     let limit = source.pick(&[64, 1, 2, 3, 8]);
@@ -114,7 +114,7 @@ fn options(source: &mut Source<'_>) -> BuildOptions<'static> {
 }
 
 /// Positions from a small palette of numbers, so that many are equal, and indices.
-fn arrays(source: &mut Source<'_>, soup: bool) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
+pub(crate) fn arrays(source: &mut Source<'_>, soup: bool) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
     let palette: Vec<f32> = (0..1 + source.below(6)).map(|_| source.number()).collect();
     let of_palette = source.pick(&[2, 8, 1]);
     let scale = match source.below(8) {

@@ -14,6 +14,7 @@ pub mod arguments;
 pub mod build_tree;
 mod folder;
 pub mod gltf;
+pub mod nearness;
 pub mod obj;
 pub mod picture_part;
 pub mod ply;
@@ -30,11 +31,12 @@ pub type Target = fn(&[u8]);
 
 /// All targets by their names, which are those of the programs in `fuzz/fuzz_targets` and of the
 /// folders in `tests/corpus`.
-pub const ALL: [(&str, Target); 13] = [
+pub const ALL: [(&str, Target); 14] = [
     ("animation", animation::run),
     ("arguments", arguments::run),
     ("build_tree", build_tree::run),
     ("gltf", gltf::run),
+    ("nearness", nearness::run),
     ("obj", obj::run),
     ("picture_part", picture_part::run),
     ("ply", ply::run),

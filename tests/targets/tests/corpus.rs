@@ -4,13 +4,21 @@
 //! some that reach far; their names say which. Whatever is added there is run.
 
 use splitplane::scene::obj::{ObjError, parse};
-use splitplane_core::backend::BuildOptions;
 use splitplane_core::backend::scene::{BuildGeometry, BuiltScene, SceneAccelerator, UpdateReport};
+use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::error::QueryError;
-use splitplane_core::ray::Ray;
+use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
+use splitplane_core::query::cast::{Cast, CastOptions, Impact};
+use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions};
+use splitplane_core::query::overlap::{OverlapOptions, Overlaps, Volume};
+use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::report::{BuildSummary, QueryReport};
 use splitplane_core::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport};
+use splitplane_core::tree::KdTree;
 use splitplane_cpu::CpuBackend;
-use splitplane_fuzz_targets::{ALL, Target, build_tree, gltf, obj, ply, scene_operations, stl};
+use splitplane_fuzz_targets::{
+    ALL, Target, build_tree, gltf, nearness, obj, ply, scene_operations, stl,
+};
 use splitplane_test_support::faulty::{Fault, FaultyBackend};
 use splitplane_test_support::random::Random;
 use std::collections::BTreeSet;
@@ -190,6 +198,129 @@ fn faulty_scenes_are_found() {
         let faulty = |scene| -> Box<dyn SceneAccelerator> { Box::new(FaultyScene(scene, fault)) };
         let run = |bytes: &[u8]| scene_operations::run_on(bytes, &backend, faulty);
         assert!(is_found(4000, run), "{fault:?}");
+    }
+}
+
+/// A tree with a fault in what it finds near.
+struct FaultyNearness(Box<dyn Accelerator>, NearFault);
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum NearFault {
+    /// Does not see triangle 0 where it is the closest one.
+    PassesOver,
+    /// Distances err by a part in 2^20 of them.
+    Inexact,
+    /// What touches the last triangle in a list does not meet it.
+    Loses,
+    /// Impacts are a float late.
+    Late,
+    /// Looks no farther than the first triangle that a cast meets.
+    MeetsAny,
+}
+
+impl Accelerator for FaultyNearness {
+    fn tree(&self) -> &KdTree {
+        self.0.tree()
+    }
+
+    fn summary(&self) -> &BuildSummary {
+        self.0.summary()
+    }
+
+    fn query_bytes(&self) -> u64 {
+        self.0.query_bytes()
+    }
+
+    fn closest_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> Option<Hit> {
+        self.0.closest_hit(ray, options)
+    }
+
+    fn any_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> bool {
+        self.0.any_hit(ray, options)
+    }
+
+    fn all_hits(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> Result<AllHits, QueryError> {
+        self.0.all_hits(rays, options)
+    }
+
+    fn closest_points(
+        &self,
+        points: &[[f32; 3]],
+        closest: &mut [ClosestPoint],
+        options: &ClosestPointOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        let blind = self.1 == NearFault::PassesOver && options.ignore.is_none();
+        let ignore = if blind { Some(0) } else { options.ignore };
+        let options = ClosestPointOptions { ignore, ..*options };
+        let report = self.0.closest_points(points, closest, &options);
+        for found in closest.iter_mut().filter(|_| self.1 == NearFault::Inexact) {
+            found.distance_squared *= 1.0 + 2f64.powi(-19);
+        }
+        report
+    }
+
+    fn impacts(
+        &self,
+        casts: &[Cast],
+        impacts: &mut [Impact],
+        options: &CastOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        let report = self.0.impacts(casts, impacts, options);
+        for (cast, found) in casts.iter().zip(impacts).filter(|(_, found)| found.is_some()) {
+            match self.1 {
+                NearFault::Late => found.t = found.t.next_up(),
+                NearFault::MeetsAny => {
+                    let options = CastOptions { ignore: Some(found.triangle), ..*options };
+                    let mut behind = [Impact::NONE];
+                    self.0.impacts(&[*cast], &mut behind, &options)?;
+                    if behind[0].is_some() {
+                        *found = behind[0];
+                    }
+                }
+                _ => {}
+            }
+        }
+        report
+    }
+
+    fn overlaps(
+        &self,
+        volumes: &[Volume<'_>],
+        options: &OverlapOptions<'_>,
+    ) -> Result<Overlaps, QueryError> {
+        let mut found = self.0.overlaps(volumes, options)?;
+        if self.1 == NearFault::Loses && found.triangles.pop().is_some() {
+            let most = found.triangles.len();
+            for start in &mut found.starts {
+                *start = most.min(*start);
+            }
+        }
+        Ok(found)
+    }
+
+    fn overlaps_any(
+        &self,
+        volumes: &[Volume<'_>],
+        found: &mut [bool],
+        options: &OverlapOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.0.overlaps_any(volumes, found, options)
+    }
+}
+
+/// Trees with a fault in what they find near are found out.
+#[test]
+fn faulty_nearness_is_found() {
+    assert!(!is_found(500, |bytes| nearness::run_on(bytes, |tree| tree)));
+    for fault in [
+        NearFault::PassesOver,
+        NearFault::Inexact,
+        NearFault::Loses,
+        NearFault::Late,
+        NearFault::MeetsAny,
+    ] {
+        let faulty = |tree| -> Box<dyn Accelerator> { Box::new(FaultyNearness(tree, fault)) };
+        assert!(is_found(2000, |bytes| nearness::run_on(bytes, faulty)), "{fault:?}");
     }
 }
 
