@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# The toolchain of the package for JavaScript: a Rust compiler for wasm32-unknown-unknown, the program wasm-bindgen, and a browser for tests.
+# The toolchain of the package for JavaScript: a Rust compiler for wasm32-unknown-unknown, the programs wasm-bindgen and wasm-opt, and a
+# browser for tests.
 #
 #   scripts/web.sh setup            what building takes; safe to run again
 #   scripts/web.sh setup --browser  and what tests in a browser take: Chromium and its driver
@@ -7,6 +8,7 @@
 #   scripts/web.sh cargo ...        cargo for wasm32-unknown-unknown
 #   scripts/web.sh can-share        whether modules for threads can be made (SPLITPLANE_WEB_SHARED=yes for cargo): says why not
 #   scripts/web.sh bindgen ...      the program wasm-bindgen, of the version of web/Cargo.lock
+#   scripts/web.sh optimise FILE    the program wasm-opt over a module, in place
 #
 # The compiler is the installed one where it has the standard library of that target, or where rustup can add it. Else it is that of
 # Debian's packages rustc-web, cargo-web and rust-web-src: they are unpacked, not installed, and cargo builds the standard library.
@@ -18,6 +20,8 @@ target=wasm32-unknown-unknown
 oldest=$(sed -n 's/^rust-version = "\(.*\)"$/\1/p' "$root/web/Cargo.toml")
 bindgen_version=$(grep -A1 '^name = "wasm-bindgen"$' "$root/web/Cargo.lock" | sed -n 's/^version = "\(.*\)"$/\1/p')
 driver_version=1.65.1
+# The package of npm that has wasm-opt; the program's own version is its first number.
+optimiser_version=132.0.0
 
 say() { printf 'web.sh: %s\n' "$*"; }
 missing() {
@@ -137,6 +141,35 @@ setup_bindgen() {
     say "compiled wasm-bindgen $bindgen_version"
 }
 
+# Of that version only, for promised sizes to hold.
+optimiser() {
+    local own=$tools/node_modules/binaryen
+    if grep -qs "\"version\": \"$optimiser_version\"" "$own/package.json"; then
+        echo "$own/bin/wasm-opt"
+    elif [[ "$(wasm-opt --version 2>/dev/null)" =~ ^wasm-opt\ version\ ${optimiser_version%%.*}\  ]]; then
+        command -v wasm-opt
+    fi
+}
+
+# Into what npm has already installed there.
+install_with_npm() {
+    command -v node >/dev/null && command -v npm >/dev/null || missing "node and npm"
+    mkdir -p "$tools"
+    npm install --silent --no-audit --no-fund --prefix "$tools" "$@" || missing "$*, which npm cannot install"
+}
+
+setup_optimiser() {
+    [ -n "$(optimiser)" ] || install_with_npm "binaryen@$optimiser_version"
+}
+
+# What the compiler may use, and nothing that it does not: wasm-opt goes by this, and answers stay what they are, to the bit.
+optimise() {
+    local features=(--enable-simd --enable-bulk-memory --enable-bulk-memory-opt --enable-nontrapping-float-to-int --enable-sign-ext
+        --enable-mutable-globals --enable-reference-types --enable-multivalue)
+    [ -z "${SPLITPLANE_WEB_SHARED:-}" ] || features+=(--enable-threads)
+    "$(optimiser)" -O3 "${features[@]}" "$1" -o "$1"
+}
+
 setup_browser() {
     command -v node >/dev/null && command -v npm >/dev/null || missing "node and npm"
     if ! command -v chromium >/dev/null; then
@@ -145,11 +178,8 @@ setup_browser() {
             -o DPkg::Lock::Timeout=300 chromium fonts-dejavu-core >/dev/null || missing "chromium, which apt-get cannot install"
         say "installed chromium"
     fi
-    if ! grep -qs "\"version\": \"$driver_version\"" "$tools/node_modules/playwright-core/package.json"; then
-        mkdir -p "$tools"
-        npm install --silent --no-audit --no-fund --no-save --prefix "$tools" "playwright-core@$driver_version" ||
-            missing "playwright-core $driver_version, which npm cannot install"
-    fi
+    grep -qs "\"version\": \"$driver_version\"" "$tools/node_modules/playwright-core/package.json" ||
+        install_with_npm "playwright-core@$driver_version"
 }
 
 check() {
@@ -160,6 +190,10 @@ check() {
     fi
     if [ -n "$(bindgen)" ]; then say "wasm-bindgen: $(bindgen)"; else
         say "missing: wasm-bindgen $bindgen_version"
+        ready=1
+    fi
+    if [ -n "$(optimiser)" ]; then say "wasm-opt: $(optimiser)"; else
+        say "missing: wasm-opt of binaryen $optimiser_version"
         ready=1
     fi
     local why
@@ -180,6 +214,7 @@ case ${1:-} in
 setup)
     setup_rust
     setup_bindgen
+    setup_optimiser
     [ "${2:-}" != --browser ] || setup_browser
     check
     ;;
@@ -191,6 +226,10 @@ bindgen)
     program=$(bindgen)
     [ -n "$program" ] || missing "wasm-bindgen $bindgen_version; run scripts/web.sh setup"
     "$program" "$@"
+    ;;
+optimise)
+    [ -n "$(optimiser)" ] || missing "wasm-opt of binaryen $optimiser_version; run scripts/web.sh setup"
+    optimise "$2"
     ;;
 *)
     sed -n '2,/^set /{/^set /d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}"
