@@ -1,9 +1,13 @@
 //! Closest points, overlaps, casts and nearest points of meshes of any floats: what all triangles and all points give, one after the other,
 //! without a tree, and what fractions of whole numbers say of it.
 
+mod scene;
+
 use crate::build_tree::{arrays, options};
 use crate::source::Source;
 use splitplane_core::aabb::Aabb;
+use splitplane_core::arithmetic::snap;
+use splitplane_core::backend::scene::SceneAccelerator;
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::points::build::PointOptions;
@@ -29,11 +33,15 @@ const BATCH: usize = 40;
 /// Bytes as a mesh, a configuration and queries, for the CPU backend.
 pub fn run(data: &[u8]) {
     crate::single_thread();
-    run_on(data, |tree| tree);
+    run_on(data, |tree| tree, |scene| scene);
 }
 
-/// The same, with the tree given through `fault`.
-pub fn run_on(data: &[u8], fault: impl Fn(Box<dyn Accelerator>) -> Box<dyn Accelerator>) {
+/// The same, with the tree and the scene given through functions that may add a fault.
+pub fn run_on(
+    data: &[u8],
+    fault: impl Fn(Box<dyn Accelerator>) -> Box<dyn Accelerator>,
+    scene_fault: impl Fn(Box<dyn SceneAccelerator>) -> Box<dyn SceneAccelerator>,
+) {
     let source = &mut Source::new(data);
     let options = options(source);
     let soup = source.once_in(3);
@@ -55,6 +63,7 @@ pub fn run_on(data: &[u8], fault: impl Fn(Box<dyn Accelerator>) -> Box<dyn Accel
     own.overlaps(tree.as_ref(), source);
     own.casts(tree.as_ref(), source);
     nearest(&positions, source);
+    BACKEND.with(|backend| scene::check(&own, &mesh, backend, scene_fault, source));
 }
 
 /// A mesh's triangles that count, and the box around them.
@@ -146,15 +155,7 @@ impl Own {
             .collect();
         let mut volumes = vec![Volume::Planes(&planes)];
         for _ in 0..1 + source.below(5) {
-            let [a, b, c] = [(); 3].map(|()| self.point(source));
-            let radius = source.number();
-            volumes.push(match source.below(5) {
-                0 => Volume::Box(Aabb::of_points(&[a, b])),
-                1 => Volume::Box(Aabb { lo: a, hi: b }),
-                2 => Volume::Ball { centre: a, radius },
-                3 => Volume::Capsule { from: a, to: b, radius },
-                _ => Volume::Triangle([a, b, c]),
-            });
+            volumes.push(self.volume(source));
         }
         let options = OverlapOptions { ignore: self.ignore, ..OverlapOptions::default() };
         let found = tree.overlaps(&volumes, &options).expect("memory");
@@ -174,6 +175,18 @@ impl Own {
             };
             assert_eq!(found.of(number), expected, "{volume:?}");
             assert_eq!(any[number], !expected.is_empty(), "{volume:?}");
+        }
+    }
+
+    fn volume(&self, source: &mut Source<'_>) -> Volume<'static> {
+        let [a, b, c] = [(); 3].map(|()| self.point(source));
+        let radius = source.number();
+        match source.below(5) {
+            0 => Volume::Box(Aabb::of_points(&[a, b])),
+            1 => Volume::Box(Aabb { lo: a, hi: b }),
+            2 => Volume::Ball { centre: a, radius },
+            3 => Volume::Capsule { from: a, to: b, radius },
+            _ => Volume::Triangle([a, b, c]),
         }
     }
 
@@ -254,12 +267,17 @@ impl Own {
 fn is_plain(volume: &Volume<'_>) -> bool {
     let finite = |points: &[[f32; 3]]| points.as_flattened().iter().all(|x| x.is_finite());
     match *volume {
-        Volume::Box(Aabb { lo, hi }) => finite(&[lo, hi]) && (0..3).all(|k| lo[k] <= hi[k]),
+        Volume::Box(bounds) => finite(&[bounds.lo, bounds.hi]) && is_ordered(&bounds),
         Volume::Ball { centre, radius } => finite(&[centre, [radius; 3]]) && radius >= 0.0,
         Volume::Capsule { from, to, radius } => finite(&[from, to, [radius; 3]]) && radius >= 0.0,
         Volume::Triangle(corners) => finite(&corners),
         _ => true,
     }
+}
+
+/// Sides as they count: two that are smaller than normal numbers are one.
+fn is_ordered(bounds: &Aabb) -> bool {
+    (0..3).all(|k| snap(bounds.lo[k]) <= snap(bounds.hi[k]))
 }
 
 /// What an odd volume meets: everything, nothing, or `None` where that depends on its sides.
@@ -270,7 +288,7 @@ fn odd_answer(volume: &Volume<'_>) -> Option<bool> {
         Volume::Capsule { from, to, radius } => {
             Some(finite(&[from, to]) && radius == f32::INFINITY)
         }
-        Volume::Box(Aabb { lo, hi }) => (!(0..3).all(|k| lo[k] <= hi[k])).then_some(false),
+        Volume::Box(bounds) => (!is_ordered(&bounds)).then_some(false),
         _ => Some(false),
     }
 }
@@ -303,10 +321,6 @@ fn nearest(points: &[[f32; 3]], source: &mut Source<'_>) {
         expected.resize(k.max(expected.len()), Neighbour::NONE);
         assert_eq!(found, &expected[..k], "{query:?} {options:?}");
     }
-}
-
-fn snap(x: f32) -> f32 {
-    if x.abs() < f32::MIN_POSITIVE { 0.0 } else { x }
 }
 
 /// The power of two at the greatest coordinate.

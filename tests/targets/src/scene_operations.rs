@@ -97,7 +97,7 @@ fn shapes(source: &mut Source<'_>) -> Shapes {
     Shapes::Capsules((0..count).map(capsule).collect())
 }
 
-fn transform(source: &mut Source<'_>) -> Transform {
+pub(crate) fn transform(source: &mut Source<'_>) -> Transform {
     let mut out = IDENTITY;
     match source.below(4) {
         0 => {}

@@ -4,7 +4,10 @@
 //! some that reach far; their names say which. Whatever is added there is run.
 
 use splitplane::scene::obj::{ObjError, parse};
-use splitplane_core::backend::scene::{BuildGeometry, BuiltScene, SceneAccelerator, UpdateReport};
+use splitplane_core::backend::scene::{
+    BuildGeometry, BuiltScene, SceneAccelerator, SceneClosestPoint, SceneClosestPointOptions,
+    SceneOverlapOptions, SceneOverlaps, UpdateReport,
+};
 use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::error::QueryError;
 use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
@@ -147,6 +150,8 @@ enum SceneFault {
     Unmasked,
     /// Names the wrong instance where there are several.
     Misnamed,
+    /// What touches the last triangle in a list does not meet it.
+    Lossy,
 }
 
 impl SceneAccelerator for FaultyScene {
@@ -187,6 +192,36 @@ impl SceneAccelerator for FaultyScene {
         options: &SceneOptions<'_>,
     ) -> Result<SceneReport, QueryError> {
         self.0.any_hits(rays, occluded, options)
+    }
+
+    fn closest_points(
+        &self,
+        points: &[[f32; 3]],
+        closest: &mut [SceneClosestPoint],
+        options: &SceneClosestPointOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        let mask = if self.1 == SceneFault::Unmasked { u32::MAX } else { options.mask };
+        let report =
+            self.0.closest_points(points, closest, &SceneClosestPointOptions { mask, ..*options });
+        for found in closest.iter_mut().filter(|found| found.is_some()) {
+            found.instance ^= u32::from(self.1 == SceneFault::Misnamed);
+        }
+        report
+    }
+
+    fn overlaps(
+        &self,
+        volumes: &[Volume<'_>],
+        options: &SceneOverlapOptions<'_>,
+    ) -> Result<SceneOverlaps, QueryError> {
+        let mut found = self.0.overlaps(volumes, options)?;
+        if self.1 == SceneFault::Lossy && found.triangles.pop().is_some() {
+            let most = found.triangles.len();
+            for start in &mut found.starts {
+                *start = most.min(*start);
+            }
+        }
+        Ok(found)
     }
 }
 
@@ -311,7 +346,7 @@ impl Accelerator for FaultyNearness {
 /// Trees with a fault in what they find near are found out.
 #[test]
 fn faulty_nearness_is_found() {
-    assert!(!is_found(500, |bytes| nearness::run_on(bytes, |tree| tree)));
+    assert!(!is_found(500, |bytes| nearness::run_on(bytes, |tree| tree, |scene| scene)));
     for fault in [
         NearFault::PassesOver,
         NearFault::Inexact,
@@ -320,7 +355,11 @@ fn faulty_nearness_is_found() {
         NearFault::MeetsAny,
     ] {
         let faulty = |tree| -> Box<dyn Accelerator> { Box::new(FaultyNearness(tree, fault)) };
-        assert!(is_found(2000, |bytes| nearness::run_on(bytes, faulty)), "{fault:?}");
+        assert!(is_found(2000, |b| nearness::run_on(b, faulty, |scene| scene)), "{fault:?}");
+    }
+    for fault in [SceneFault::Unmasked, SceneFault::Misnamed, SceneFault::Lossy] {
+        let faulty = |scene| -> Box<dyn SceneAccelerator> { Box::new(FaultyScene(scene, fault)) };
+        assert!(is_found(2000, |b| nearness::run_on(b, |tree| tree, faulty)), "{fault:?}");
     }
 }
 
