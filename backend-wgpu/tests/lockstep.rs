@@ -201,7 +201,7 @@ fn planted_faults_are_named() {
             "expected_split_cost(area, areas, left, left)",
         ),
         (K::SplitBinned, "border.cost.x == atomicLoad(&best_low)", "true"),
-        (K::SplitBinned, "position, gap > limit)", "position, false)"),
+        (K::SplitBinned, "vec3<u32>(2u, 8u, 32u), high)", "none, high)"),
     ]
     .map(|(kernel, text, fault)| (kernel, text, fault, balanced));
     let by_one = BuildConfig { block_width: 1, ..balanced };
