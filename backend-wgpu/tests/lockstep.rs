@@ -162,7 +162,7 @@ fn planted_faults_are_named() {
         (K::TriangleBounds, "magnitude < vec3<u32>(0x800000u)", "magnitude < vec3<u32>(1u)"),
         (K::ScanTriangles, "select(0u, 1u, kept > 0u)", "2u"),
         (K::GatherReferences, "Reference(bounds.lo, triangle", "Reference(bounds.lo, chunk"),
-        (K::SplitMedian, "position, gap > limit)", "position, false)"),
+        (K::SplitMedian, "sides.x | sides.y | sides.z", "0u"),
         (K::SplitMedian, "min(CHUNK, node.count - offset)", "node.count - offset"),
         (K::SplitMedian, "node.source + chunk, node.side", "node.source + chunk, 0u"),
         (K::AllocateChildren, "first_chunk += chunks_of(count)", "first_chunk += 1u"),
@@ -179,6 +179,7 @@ fn planted_faults_are_named() {
         (K::MeasureMiddle, "root.nodes - root.leaves", "root.nodes"),
         (K::EmitMiddle, "<< 2u) | node.kind", "<< 2u) | 0u"),
         (K::BuildSmall, "allocated.x + 2u <= SMALL_ROOT_NODES", "allocated.x < 3u"),
+        (K::BuildSmall, "select(NOTHING, 0u, leaf_cost == whole)", "0u"),
         (K::SubtreeSizes, "vec2<u32>(1u, 0u));\n        node", "vec2<u32>(2u, 0u));\n        node"),
         (K::PreorderAddresses, "here.x + 1u", "here.x + 2u"),
         (K::EmitTop, "<< 2u) | node.kind", "<< 2u) | 0u"),
@@ -200,7 +201,7 @@ fn planted_faults_are_named() {
             "expected_split_cost(area, areas, left, left)",
         ),
         (K::SplitBinned, "border.cost.x == atomicLoad(&best_low)", "true"),
-        (K::SplitBinned, "position, gap > limit)", "position, false)"),
+        (K::SplitBinned, "sides.x | sides.y | sides.z", "0u"),
     ]
     .map(|(kernel, text, fault)| (kernel, text, fault, balanced));
     let by_one = BuildConfig { block_width: 1, ..balanced };

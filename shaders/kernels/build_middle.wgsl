@@ -191,29 +191,6 @@ fn tight_bounds(node: u32) -> Aabb {
     );
 }
 
-// What the cuts of a node leave, and a bit for each side that is cut; split where levels are left.
-struct Rest {
-    cell: Aabb,
-    cuts: u32,
-    splits: bool,
-}
-
-fn rest_of(node: SmallRoot, place: u32) -> Rest {
-    let bounds = tight_bounds(place);
-    let levels_left = parameters.max_depth - node.depth;
-    var rest = Rest(Aabb(node.lo, node.hi), 0u, false);
-    var levels = levels_left;
-    for (var side = 0u; side < 6u && levels > 0u; side++) {
-        if empty_cutoff(rest.cell, bounds, side).found {
-            rest.cell = cut_off(rest.cell, bounds, side);
-            rest.cuts |= 1u << side;
-            levels -= 1u;
-        }
-    }
-    rest.splits = levels > 0u;
-    return rest;
-}
-
 @compute @workgroup_size(256)
 fn main(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -345,8 +322,16 @@ fn begin_level(turn: u32, lane: u32) {
         atomicOr(&marks[STARTS + begin / 32u], 1u << (begin % 32u));
     }
     workgroupBarrier();
-    let here = countOneBits(atomicLoad(&marks[STARTS + lane]));
-    starts_before[lane] = inclusive_scan(lane, vec2<u32>(here, 0u)).x - here;
+    // How many nodes begin before these 32 references: nodes are in order.
+    var before = 0u;
+    for (var step = 64u; step > 0u; step /= 2u) {
+        let last = before + step;
+        // No more than there are, so that the place is one of the list.
+        if last <= nodes && first[min(last, ACTIVE_NODES) - 1u] < 32u * lane {
+            before = last;
+        }
+    }
+    starts_before[lane] = before;
     workgroupBarrier();
 }
 
@@ -387,16 +372,18 @@ fn bound_root(lane: u32) {
 fn decide(turn: u32, lane: u32) {
     if lane < node_count {
         let node = middle_leaves[slot(lane, turn)];
-        let rest = rest_of(node, lane);
+        let rest = without_empty_space(Aabb(node.lo, node.hi), tight_bounds(lane));
+        let levels_left = parameters.max_depth - node.depth;
         // Its cuts, until its children have places.
-        places[lane] = vec2<u32>(rest.cuts, 0u);
+        places[lane] = vec2<u32>(first_sides(rest.sides, levels_left), 0u);
+        let splits = countOneBits(rest.sides) < levels_left;
         var plane = no_plane();
-        if rest.splits && node.padding == 0u {
+        if splits && node.padding == 0u {
             plane = spatial_median(rest.cell);
         }
         plane_axis[lane] = select(TRANSFER, plane.axis, plane.found);
         plane_position[lane] = select(0.0, plane.position, plane.found);
-        if rest.splits && node.padding == 1u {
+        if splits && node.padding == 1u {
             plane_axis[lane] = TO_BE_SWEPT;
             atomicMin(&swept, lane);
         }
@@ -411,8 +398,9 @@ fn decide(turn: u32, lane: u32) {
 // references, evenly spread over the node's. One node at a time.
 fn sweep(handed: bool, turn: u32, lane: u32) {
     let place = swept_now;
-    let rest = rest_of(middle_leaves[slot(place, turn)], place);
-    let extents = extents_of(rest.cell);
+    let node = middle_leaves[slot(place, turn)];
+    let cell = without_empty_space(Aabb(node.lo, node.hi), tight_bounds(place)).cell;
+    let extents = extents_of(cell);
     let begin = first[place];
     let size = first[place + 1u] - begin;
     let samples = min(size, SWEEP_SAMPLES);
@@ -450,9 +438,9 @@ fn sweep(handed: bool, turn: u32, lane: u32) {
         let here = level_reference(handed, begin + (face / 6u) * size / samples);
         let on = face % 3u;
         let position = on_axis(select(here.lo, here.hi, face % 6u >= 3u), on);
-        if strictly_inside(rest.cell, on, position) && extents.large_enough {
+        if strictly_inside(cell, on, position) && extents.large_enough {
             let sides = atomicLoad(&marks[SWEEP_SIDES + face]);
-            let offset = quantised_offset(extents, on_axis(rest.cell.lo, on), position);
+            let offset = quantised_offset(extents, on_axis(cell.lo, on), position);
             let areas = split_areas(extents, on, offset);
             let sum = wide_sum(wide_product(areas.x, sides & 0xffffu), wide_product(areas.y, sides >> 16u));
             let equal = all(sum == cost);
@@ -519,33 +507,43 @@ fn divide(handed: bool, lane: u32) {
     }
     var left = 0u;
     var right = 0u;
+    var bit = 1u << (i % 32u);
     while i < end {
         let last = min(end, first[node + 1u]);
         let axis = plane_axis[node];
         let position = plane_position[node];
         for (; i < last; i++) {
-            let bit = 1u << (i % 32u);
             var sides = vec2<bool>(true, false);
             if axis != TRANSFER {
                 let reference = level_reference(handed, i);
                 let hi = on_axis(reference.hi, axis);
-                sides = vec2<bool>(goes_left(on_axis(reference.lo, axis), hi, position), goes_right(hi, position));
+                let up = goes_right(hi, position);
+                sides = vec2<bool>((on_axis(reference.lo, axis) < position) | !up, up);
             }
             left |= select(0u, bit, sides.x);
             right |= select(0u, bit, sides.y);
-            if i % 32u == 31u || i + 1u == end {
-                // What seems to go to both sides is to be looked at.
-                let both = left & right;
-                mark(CUTS, i / 32u, both);
-                mark(LEFTS, i / 32u, left ^ both);
-                mark(RIGHTS, i / 32u, right ^ both);
+            bit <<= 1u;
+            if bit == 0u {
+                mark_sides(i / 32u, left, right);
                 left = 0u;
                 right = 0u;
+                bit = 1u;
             }
         }
         node += 1u;
     }
+    if (left | right) != 0u {
+        mark_sides((i - 1u) / 32u, left, right);
+    }
     workgroupBarrier();
+}
+
+// What seems to go to both sides is to be looked at.
+fn mark_sides(word: u32, left: u32, right: u32) {
+    let both = left & right;
+    mark(CUTS, word, both);
+    mark(LEFTS, word, left ^ both);
+    mark(RIGHTS, word, right ^ both);
 }
 
 fn mark(kind: u32, word: u32, bits: u32) {
@@ -608,7 +606,7 @@ fn cut_references(handed: bool, lane: u32) {
 // The parts of a reference whose bounds are on both sides of its node's plane. What is left of the triangle may not be.
 fn cut_reference(handed: bool, i: u32, k: u32) {
     var both = true;
-    var edge = Edge(Parts(empty_aabb(), empty_aabb()), true);
+    var edge = no_parts();
     if parameters.clip == 1u {
         let node = node_of(i);
         let reference = level_reference(handed, i);
@@ -773,8 +771,7 @@ fn put_leaf(
 
 // Moves references to the children, and bounds the next nodes.
 fn scatter(handed: bool, lane: u32) {
-    let begin = share_start(lane);
-    var i = begin;
+    var i = share_start(lane);
     let end = share_start(lane + 1u);
     var node = 0u;
     var k = 0u;
@@ -784,45 +781,50 @@ fn scatter(handed: bool, lane: u32) {
         k = cut_first + 2u * cuts_before(i);
         rank = before(i);
     }
+    // The marks of 32 references, and where the next 32 begin.
     var marked = vec3<u32>(0u);
+    var marked_end = i;
     while i < end {
         let last = min(end, first[node + 1u]);
         let place = places[node];
+        var next = place + rank;
         var left = empty_aabb();
         var right = left;
         for (; i < last; i++) {
-            if i % 32u == 0u || i == begin {
+            if i == marked_end {
                 let word = i / 32u;
                 marked = vec3<u32>(
                     atomicLoad(&marks[LEFTS + word]), atomicLoad(&marks[RIGHTS + word]), atomicLoad(&marks[CUTS + word]));
                 marked = marked >> vec3<u32>(i % 32u);
+                marked_end = 32u * word + 32u;
             }
-            let goes = (marked.xy & vec2<u32>(1u)) == vec2<u32>(1u);
-            let is_cut = (marked.z & 1u) == 1u;
+            let here = marked & vec3<u32>(1u);
             marked = marked >> vec3<u32>(1u);
-            if !is_cut {
+            if here.z == 0u {
                 let reference = level_reference(handed, i);
-                middle_references[select(place.y + rank.y, place.x + rank.x, goes.x)] = reference;
-                if goes.x {
+                if here.x == 1u {
+                    middle_references[next.x] = reference;
                     left = joined(left, reference);
                 } else {
+                    middle_references[next.y] = reference;
                     right = joined(right, reference);
                 }
             } else {
-                if goes.x {
+                if here.x == 1u {
                     let reference = middle_references[k];
-                    middle_references[place.x + rank.x] = reference;
+                    middle_references[next.x] = reference;
                     left = joined(left, reference);
                 }
-                if goes.y {
+                if here.y == 1u {
                     let reference = middle_references[k + 1u];
-                    middle_references[place.y + rank.y] = reference;
+                    middle_references[next.y] = reference;
                     right = joined(right, reference);
                 }
                 k += 2u;
             }
-            rank += select(vec2<u32>(0u), vec2<u32>(1u), goes);
+            next += here.xy;
         }
+        rank = next - place;
         bound_child(children[node] & 0xffu, left);
         bound_child(children[node] >> 8u, right);
         node += 1u;

@@ -12,7 +12,6 @@
 @group(0) @binding(5) var<storage, read_write> node_bounds: array<f32>;
 
 const LANES: u32 = 64u;
-const BOXES: u32 = 1u;
 
 @compute @workgroup_size(64)
 fn main(

@@ -11,7 +11,6 @@
 @group(0) @binding(4) var<storage, read_write> top_nodes: array<TopNode>;
 
 const LANES: u32 = 256u;
-const BOXES: u32 = 1u;
 
 var<workgroup> chunk_count: u32;
 

@@ -15,7 +15,6 @@
 @group(0) @binding(6) var<storage, read_write> decisions: array<Decision>;
 
 const LANES: u32 = 256u;
-const BOXES: u32 = 1u;
 const SWEEP_SAMPLES: u32 = 64u;
 
 // A plane's rank: least cost (low and high word), then axis, then position.

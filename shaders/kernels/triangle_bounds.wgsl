@@ -11,7 +11,6 @@
 @group(0) @binding(4) var<storage, read_write> chunk_state: array<u32>;
 
 const LANES: u32 = 256u;
-const BOXES: u32 = 1u;
 
 // Snapping, on bits: -0 and everything below 2^-126 become +0.
 fn snap_bits(bits: vec3<u32>) -> vec3<u32> {

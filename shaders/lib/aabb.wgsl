@@ -46,3 +46,12 @@ fn half_extents(bounds: Aabb) -> vec3<f32> {
         half_distance(bounds.lo.z, bounds.hi.z),
     );
 }
+
+// Half of each coordinate, snapped: differences of these are `half_distance`.
+fn halves(v: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(snapped_product(v.x, 0.5), snapped_product(v.y, 0.5), snapped_product(v.z, 0.5));
+}
+
+fn snapped_differences(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(snapped_difference(a.x, b.x), snapped_difference(a.y, b.y), snapped_difference(a.z, b.z));
+}

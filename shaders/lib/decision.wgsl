@@ -29,32 +29,22 @@ fn cut_empty_space(index: u32, node: LargeNode) -> bool {
     if node.count <= parameters.hand_over_limit {
         return false;
     }
-    var cell = Aabb(node.lo, node.hi);
     let levels_left = parameters.max_depth - node.depth;
     let tight = Aabb(
         vec3<f32>(tight_bound(index, 0u), tight_bound(index, 1u), tight_bound(index, 2u)),
         vec3<f32>(tight_bound(index, 3u), tight_bound(index, 4u), tight_bound(index, 5u)),
     );
+    let rest = without_empty_space(Aabb(node.lo, node.hi), tight);
     var cuts = 0u;
-    for (var side = 0u; side < 6u; side++) {
-        if cuts == levels_left {
-            return false;
-        }
-        let cut = empty_cutoff(cell, tight, side);
-        if cut.found {
-            if side % 2u == 0u {
-                cell.lo = with_axis(cell.lo, cut.axis, cut.position);
-            } else {
-                cell.hi = with_axis(cell.hi, cut.axis, cut.position);
-            }
-            decided.cuts[cuts] = cut.position;
-            decided.cut_sides |= side << (4u * cuts);
-            cuts += 1u;
-            decided.cut_count = cuts;
-        }
+    for (var sides = first_sides(rest.sides, levels_left); sides != 0u; sides &= sides - 1u) {
+        let side = firstTrailingBit(sides);
+        decided.cuts[cuts] = tight_bound(index, side / 2u + select(0u, 3u, side % 2u == 1u));
+        decided.cut_sides |= side << (4u * cuts);
+        cuts += 1u;
     }
-    cell_lo = cell.lo;
-    cell_hi = cell.hi;
+    decided.cut_count = cuts;
+    cell_lo = rest.cell.lo;
+    cell_hi = rest.cell.hi;
     return cuts < levels_left;
 }
 

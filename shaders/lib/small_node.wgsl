@@ -106,32 +106,32 @@ fn name_of_face(face: u32, half: u32, inverse: u32) -> u32 {
     return 32u * row + face - row * half;
 }
 
-// A face within the cell asks for its slot, and is its own plane's only triangle so far.
-fn claim(root: SmallRoot, name: u32) {
+// A face within the cell asks for its slot, and is its own plane's only triangle so far. Whether it is.
+fn claim(root: SmallRoot, name: u32) -> bool {
     let bits = position_of(name);
-    if is_within(root, name, bitcast<f32>(bits)) {
+    let within = is_within(root, name, bitcast<f32>(bits));
+    if within {
         atomicMax(&links[slot_of(bits, name >> 7u)], name + 1u);
         let bit = 1u << (name & 31u);
         let second = (name & 32u) != 0u;
         atomicStore(&owners[2u * name], select(bit, 0u, second));
         atomicStore(&owners[2u * name + 1u], select(0u, bit, second));
     }
+    return within;
 }
 
-// A face is a plane, or its triangle joins those of the plane that has its slot. A face whose slot another plane has
+// A face within the cell is a plane, or its triangle joins those of the plane that has its slot. A face whose slot another plane has
 // is a plane too, even if several are at its place.
-fn settle(root: SmallRoot, name: u32) {
+fn settle(name: u32) {
     let bits = position_of(name);
-    if is_within(root, name, bitcast<f32>(bits)) {
-        let axis = name >> 7u;
-        let other = atomicLoad(&links[slot_of(bits, axis)]) - 1u;
-        if other != name && other >> 7u == axis && position_of(other) == bits {
-            atomicOr(&owners[2u * other + ((name >> 5u) & 1u)], 1u << (name & 31u));
-        } else {
-            let plane = atomicAdd(&plane_count, 1u);
-            positions[plane] = bits;
-            atomicOr(&names[plane / 2u], name << (16u * (plane % 2u)));
-        }
+    let axis = name >> 7u;
+    let other = atomicLoad(&links[slot_of(bits, axis)]) - 1u;
+    if other != name && other >> 7u == axis && position_of(other) == bits {
+        atomicOr(&owners[2u * other + ((name >> 5u) & 1u)], 1u << (name & 31u));
+    } else {
+        let plane = atomicAdd(&plane_count, 1u);
+        positions[plane] = bits;
+        atomicOr(&names[plane / 2u], name << (16u * (plane % 2u)));
     }
 }
 
@@ -142,17 +142,25 @@ fn complete(index: u32, half: u32) {
     var below = vec2<u32>();
     var above = vec2<u32>();
     var bit = vec2<u32>(1u);
-    // Two lanes' a round. Of an odd number the last is none's: no mask has its bit.
-    for (var i = first; i < first + half; i += 2u) {
-        let pair = scratch[i];
-        let next = scratch[i + 1u];
-        let next_bit = bit << vec2<u32>(1u);
+    // Four lanes' a round. The last may be none's: no mask has their bits.
+    for (var i = first; i < first + half; i += 4u) {
+        let a = scratch[i];
+        let b = scratch[i + 1u];
+        let c = scratch[i + 2u];
+        let d = scratch[i + 3u];
         let none = vec2<u32>();
-        below |= select(none, bit, bitcast<vec2<f32>>(pair.xy) < position);
-        above |= select(none, bit, bitcast<vec2<f32>>(pair.zw) > position);
-        below |= select(none, next_bit, bitcast<vec2<f32>>(next.xy) < position);
-        above |= select(none, next_bit, bitcast<vec2<f32>>(next.zw) > position);
-        bit <<= vec2<u32>(2u);
+        let b_bit = bit << vec2<u32>(1u);
+        let c_bit = bit << vec2<u32>(2u);
+        let d_bit = bit << vec2<u32>(3u);
+        below |= select(none, bit, bitcast<vec2<f32>>(a.xy) < position);
+        above |= select(none, bit, bitcast<vec2<f32>>(a.zw) > position);
+        below |= select(none, b_bit, bitcast<vec2<f32>>(b.xy) < position);
+        above |= select(none, b_bit, bitcast<vec2<f32>>(b.zw) > position);
+        below |= select(none, c_bit, bitcast<vec2<f32>>(c.xy) < position);
+        above |= select(none, c_bit, bitcast<vec2<f32>>(c.zw) > position);
+        below |= select(none, d_bit, bitcast<vec2<f32>>(d.xy) < position);
+        above |= select(none, d_bit, bitcast<vec2<f32>>(d.zw) > position);
+        bit <<= vec2<u32>(4u);
     }
     // `goes_left` and `goes_right`: what does not reach above goes left, planar in the plane or not.
     plane_sides[index] = vec4<u32>(below | ~above, above);
@@ -165,8 +173,21 @@ struct Candidate {
     plane: u32,
 }
 
-// The plane at `index`, if it counts in a node and is better than `best`. `base` is K_T times the cell's half area.
-fn consider(best: Candidate, index: u32, mask: vec2<u32>, scale: f32, base: u32, inverse: u32) -> Candidate {
+// The plane at `index`, if it counts in a node and is better than `best`. `base` is K_T times the cell's half area, `whole`
+// K_I times that. `lesser` is the most that the lesser of both sides' masks, halves together, may be.
+fn consider(
+    best: Candidate, index: u32, mask: vec2<u32>, scale: f32, base: u32, whole: u32, lesser: u32, inverse: u32,
+) -> Candidate {
+    let sides = plane_sides[index] & mask.xyxy;
+    if min(sides.x | sides.y, sides.z | sides.w) > lesser {
+        return best;
+    }
+    let left = blocks_of(count_mask(sides.xy), inverse);
+    let right = blocks_of(count_mask(sides.zw), inverse);
+    // The half areas of both parts are together no less than the cell's.
+    if base + min(left, right) * whole > best.cost {
+        return best;
+    }
     let position = bitcast<f32>(positions[index]);
     let name = name_of(index);
     let axis = name >> 7u;
@@ -175,9 +196,6 @@ fn consider(best: Candidate, index: u32, mask: vec2<u32>, scale: f32, base: u32,
     if !(bitcast<f32>(extent.x) < position && position < bitcast<f32>(extent.y) && owned != 0u) {
         return best;
     }
-    let sides = plane_sides[index];
-    let left = blocks_of(count_mask(sides.xy & mask), inverse);
-    let right = blocks_of(count_mask(sides.zw & mask), inverse);
     // `quantised_offset`, with the lower side's half at hand.
     let distance = snapped_difference(snapped_product(position, 0.5), bitcast<f32>(extent.z));
     let offset = quantise(distance, scale);
@@ -278,12 +296,16 @@ fn find_planes(root: SmallRoot, half: u32, lane: u32) {
     let faces = 12u * half;
     // floor(face / half) of a face below 384, by a product: 2^16 / half and less than one more.
     let inverse = 65535u / half + 1u;
+    // Which of the invocation's faces are within the cell: a bit each, twelve at most.
+    var within = 0u;
+    var bit = 1u;
     for (var face = lane; face < faces; face += SMALL_LANES) {
-        claim(root, name_of_face(face, half, inverse));
+        within |= select(0u, bit, claim(root, name_of_face(face, half, inverse)));
+        bit <<= 1u;
     }
     workgroupBarrier();
-    for (var face = lane; face < faces; face += SMALL_LANES) {
-        settle(root, name_of_face(face, half, inverse));
+    for (var rest = within; rest != 0u; rest &= rest - 1u) {
+        settle(name_of_face(lane + SMALL_LANES * firstTrailingBit(rest), half, inverse));
     }
     workgroupBarrier();
     let count = atomicLoad(&plane_count);
@@ -337,6 +359,7 @@ fn build_subtree(root: SmallRoot, lane: u32) -> vec2<u32> {
         let count = count_mask(node.mask);
         var scale = 0.0;
         var base = 0u;
+        var whole = 0u;
         var leaf_cost = 0u;
         if running && count > 0u {
             let extents = extents_of(node.cell);
@@ -346,7 +369,8 @@ fn build_subtree(root: SmallRoot, lane: u32) -> vec2<u32> {
             let area = c.x * rims.x + caps.x;
             scale = extents.scale;
             base = parameters.traversal_cost * area;
-            leaf_cost = parameters.intersection_cost * blocks_of(count, inverse) * area;
+            whole = parameters.intersection_cost * area;
+            leaf_cost = whole * blocks_of(count, inverse);
             let open = node.depth < parameters.max_depth && extents.large_enough && leaf_cost > base;
             leaf_cost = select(0u, leaf_cost, open);
             put_measures(node.cell, extents.cells, rims, caps, lane);
@@ -368,10 +392,12 @@ fn build_subtree(root: SmallRoot, lane: u32) -> vec2<u32> {
             }
             // Only what costs less than a leaf counts.
             let none = Candidate(leaf_cost - 1u, NOTHING, NOTHING);
+            // In a node of one block no plane pays that has references on both sides: its parts cost no less than the leaf.
+            let lesser = select(NOTHING, 0u, leaf_cost == whole);
             var best = none;
             let planes_end = atomicLoad(&plane_count);
             for (var index = lane; index < planes_end; index += SMALL_LANES) {
-                best = consider(best, index, node.mask, scale, base, inverse);
+                best = consider(best, index, node.mask, scale, base, whole, lesser, inverse);
             }
             // Part by part: minima of integers do not depend on order.
             let found = best.plane != NOTHING;

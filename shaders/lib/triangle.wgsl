@@ -40,46 +40,58 @@ fn crossing(ratio: f32, low: f32, high: f32) -> vec2<f32> {
     return vec2<f32>(snapped_difference(point, error), snapped_sum(point, error));
 }
 
-// One edge's share of the parts. On the plane's own axis what is found is never used.
+// The parts of a triangle on the two axes that follow the plane's: y and z, z and x, or x and y.
 struct Edge {
-    parts: Parts,
-    // The edge extends too little across the plane to be cut.
+    left_lo: vec2<f32>,
+    left_hi: vec2<f32>,
+    right_lo: vec2<f32>,
+    right_hi: vec2<f32>,
+    // An edge extends too little across the plane to be cut.
     unclipped: bool,
 }
 
-fn clip_edge(parts: Parts, p: vec3<f32>, q: vec3<f32>, axis: u32, plane: f32) -> Edge {
-    var out = Edge(parts, false);
-    let p_axis = on_axis(p, axis);
-    let q_axis = on_axis(q, axis);
+// The vector with the plane's axis first, and back.
+fn turned(v: vec3<f32>, axis: u32) -> vec3<f32> {
+    return select(select(v, v.yzx, axis == 1u), v.zxy, axis == 2u);
+}
+
+fn turned_back(v: vec3<f32>, axis: u32) -> vec3<f32> {
+    return select(select(v, v.zxy, axis == 1u), v.yzx, axis == 2u);
+}
+
+// Adds the share of an edge between two corners, both with the plane's axis first.
+fn clip_edge(parts: Edge, p: vec3<f32>, q: vec3<f32>, plane: f32) -> Edge {
+    var out = parts;
     // A corner in the plane belongs to both sides.
-    if p_axis <= plane {
-        out.parts.left = enclose(out.parts.left, p);
+    if p.x <= plane {
+        out.left_lo = min(out.left_lo, p.yz);
+        out.left_hi = max(out.left_hi, p.yz);
     }
-    if p_axis >= plane {
-        out.parts.right = enclose(out.parts.right, p);
-    }
-    let crosses = (p_axis < plane && plane < q_axis) || (q_axis < plane && plane < p_axis);
-    if !crosses {
-        return out;
+    if p.x >= plane {
+        out.right_lo = min(out.right_lo, p.yz);
+        out.right_hi = max(out.right_hi, p.yz);
     }
     // From the lower end in both triangles of an edge, so that both compute the same point.
-    let upward = p_axis < q_axis;
+    let upward = p.x < q.x;
     let low = select(q, p, upward);
     let high = select(p, q, upward);
-    let low_axis = on_axis(low, axis);
-    let across = snapped_difference(on_axis(high, axis), low_axis);
+    if !(low.x < plane && plane < high.x) {
+        return out;
+    }
+    let across = snapped_difference(high.x, low.x);
     if across < LEAST_CLIPPED {
         out.unclipped = true;
         return out;
     }
-    let ratio = quotient(snapped_difference(plane, low_axis), across);
-    let x = crossing(ratio, low.x, high.x);
+    let ratio = quotient(snapped_difference(plane, low.x), across);
     let y = crossing(ratio, low.y, high.y);
     let z = crossing(ratio, low.z, high.z);
-    let lo = vec3<f32>(x.x, y.x, z.x);
-    let hi = vec3<f32>(x.y, y.y, z.y);
-    out.parts.left = Aabb(least3(out.parts.left.lo, lo), most3(out.parts.left.hi, hi));
-    out.parts.right = Aabb(least3(out.parts.right.lo, lo), most3(out.parts.right.hi, hi));
+    let lo = vec2<f32>(y.x, z.x);
+    let hi = vec2<f32>(y.y, z.y);
+    out.left_lo = select(out.left_lo, lo, lo < out.left_lo);
+    out.left_hi = select(out.left_hi, hi, hi > out.left_hi);
+    out.right_lo = select(out.right_lo, lo, lo < out.right_lo);
+    out.right_hi = select(out.right_hi, hi, hi > out.right_hi);
     return out;
 }
 
@@ -89,22 +101,32 @@ fn clip(corners: Corners, bounds: Aabb, axis: u32, plane: f32) -> Parts {
     return limited(clip_edges(corners, axis, plane), bounds, axis, plane);
 }
 
+// No part on either side.
+fn no_parts() -> Edge {
+    let lo = vec2<f32>(GREATEST);
+    return Edge(lo, -lo, lo, -lo, true);
+}
+
 // The parts of a triangle on the two sides of a plane, but on the plane's axis.
 fn clip_edges(corners: Corners, axis: u32, plane: f32) -> Edge {
-    var edge = Edge(Parts(empty_aabb(), empty_aabb()), true);
+    var edge = no_parts();
     let reach = most3(most3(abs(corners.a), abs(corners.b)), abs(corners.c));
     if any(reach > vec3<f32>(GREATEST_CLIPPED)) {
         return edge;
     }
-    edge = clip_edge(edge.parts, corners.a, corners.b, axis, plane);
+    edge.unclipped = false;
+    let a = turned(corners.a, axis);
+    let b = turned(corners.b, axis);
+    let c = turned(corners.c, axis);
+    edge = clip_edge(edge, a, b, plane);
     if edge.unclipped {
         return edge;
     }
-    edge = clip_edge(edge.parts, corners.b, corners.c, axis, plane);
+    edge = clip_edge(edge, b, c, plane);
     if edge.unclipped {
         return edge;
     }
-    return clip_edge(edge.parts, corners.c, corners.a, axis, plane);
+    return clip_edge(edge, c, a, plane);
 }
 
 // The old bounds on both sides of a plane, narrowed to the triangle's parts.
@@ -115,17 +137,16 @@ fn limited(edge: Edge, bounds: Aabb, axis: u32, plane: f32) -> Parts {
     if edge.unclipped {
         return limits;
     }
-    let on = vec3<bool>(axis == 0u, axis == 1u, axis == 2u);
-    limits.left = narrowed(limits.left, edge.parts.left, on);
-    limits.right = narrowed(limits.right, edge.parts.right, on);
+    limits.left = narrowed(limits.left, edge.left_lo, edge.left_hi, axis);
+    limits.right = narrowed(limits.right, edge.right_lo, edge.right_hi, axis);
     return limits;
 }
 
 // Limits narrowed to a part, but on the plane's axis.
-fn narrowed(limit: Aabb, part: Aabb, on: vec3<bool>) -> Aabb {
+fn narrowed(limit: Aabb, lo: vec2<f32>, hi: vec2<f32>, axis: u32) -> Aabb {
     return Aabb(
-        select(most3(limit.lo, part.lo), limit.lo, on),
-        select(least3(limit.hi, part.hi), limit.hi, on),
+        most3(limit.lo, turned_back(vec3<f32>(-GREATEST, lo), axis)),
+        least3(limit.hi, turned_back(vec3<f32>(GREATEST, hi), axis)),
     );
 }
 

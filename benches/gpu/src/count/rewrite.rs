@@ -303,7 +303,9 @@ impl Costs<'_> {
             },
             Statement::Atomic { pointer, value, .. } => {
                 let moved = self.uncounted(function, *pointer, *value);
-                Cost { loads: 1, read: moved, written: moved, ..one }
+                let in_buffer =
+                    matches!(self.space(function, *pointer), Some(AddressSpace::Storage { .. }));
+                Cost { loads: u32::from(in_buffer), read: moved, written: moved, ..one }
             }
             Statement::ControlBarrier(_) | Statement::MemoryBarrier(_) => {
                 Cost { barriers: 1, ..one }
