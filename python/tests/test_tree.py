@@ -142,6 +142,10 @@ def test_rays_of_six_and_of_eight_numbers_give_the_same_bits(tree: Tree, count: 
                 for name in COLUMNS:
                     assert getattr(found, name).tobytes() == getattr(right, name).tobytes(), (name, threads, limits)
                 np.testing.assert_array_equal(tree.any_hits(form, accuracy=accuracy, **limits), occluded)
+            # Another number is other bits.
+            if count > 4000 and least is None:
+                moved = tree.closest_hits(rays * np.float32([1, 1, 1.001, 1, 1, 1]), accuracy=accuracy)
+                assert (moved.t != right.t)[right.hit].mean() > 0.9
             # Limits of each ray's own are another way in.
             if least is not None:
                 each = {name: np.full(count, value, np.float32) for name, value in limits.items()}
