@@ -1,7 +1,7 @@
 //! Rays as C has them.
 
 use bytemuck::Pod;
-use library::{Ray, Rays as Lying};
+use library::{Ray, Rays as LibraryRays};
 use rayon::prelude::*;
 
 use crate::buffer::{Given, Places, read};
@@ -151,7 +151,7 @@ impl<'a> View<'a> {
     }
 
     /// Rows of six floats with limits that all rays have, if that is what the caller has.
-    pub(crate) fn rows(&self) -> Option<Lying<'a>> {
+    pub(crate) fn rows(&self) -> Option<LibraryRays<'a>> {
         let (Limit::All(t_min), Limit::All(t_max)) = (self.t_min, self.t_max) else { return None };
         let (first, count) = (self.origins.first(), self.len());
         let strides = [self.origins.stride(), self.directions.stride()];
@@ -160,7 +160,7 @@ impl<'a> View<'a> {
             && self.directions.first().addr() == first.addr() + size_of::<[f32; 3]>();
         // SAFETY: both halves of each row are there, side by side, and nobody writes them; the alignment is that of floats.
         let rows = row.then(|| unsafe { std::slice::from_raw_parts(first.cast(), count) });
-        rows.map(|rows| Lying::Rows { rows, t_min, t_max })
+        rows.map(|rows| LibraryRays::Rows { rows, t_min, t_max })
     }
 
     /// Shows all rays at once.
