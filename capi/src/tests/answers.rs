@@ -282,8 +282,8 @@ fn rows_of_six_floats_give_what_records_give() {
     let (backend, mut tree) = (open(), Tree { id: 0 });
     // SAFETY: arrays and rooms are there, here and below.
     unsafe {
-        done(splitplane_tree_build(backend, &mesh_of(&positions, &indices), null(), &mut tree))
-    };
+        done(splitplane_tree_build(backend, &mesh_of(&positions, &indices), null(), &mut tree));
+    }
     done(splitplane_backend_free(backend));
     let limits = [0.5_f32, 2.5];
     for (count, limited) in [(9001, false), (700, true), (33, true), (5, true), (0, false)] {
