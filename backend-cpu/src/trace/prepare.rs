@@ -26,13 +26,15 @@ pub(crate) type PerRay<T> = [T; CHUNK];
 #[cfg_attr(not(unoptimised), inline(always))]
 pub(super) fn numbers<'a>(rays: &Rays<'a>) -> (&'a [f32], usize) {
     match *rays {
-        Rays::Records(rays) => (bytemuck::cast_slice(rays), COLUMNS),
-        Rays::Rows { rows, .. } => (rows.as_flattened(), 6),
+        Rays::Records(rays) => (bytemuck::cast_slice(rays), RECORD),
+        Rays::Rows { rows, .. } => (rows.as_flattened(), ROW),
     }
 }
 
 /// Numbers of a record.
-const COLUMNS: usize = 8;
+pub(super) const RECORD: usize = 8;
+/// Numbers of a row.
+const ROW: usize = 6;
 
 /// Rays prepared together; see [`PreparedRay`] and [`RayState`] for the fields.
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
@@ -187,7 +189,7 @@ impl PreparedRays {
         let from = if numbers.len() >= (CHUNK - 1) * each + MOST_LANES {
             numbers
         } else {
-            room = [0.0; (CHUNK + 1) * COLUMNS];
+            room = [0.0; (CHUNK + 1) * RECORD];
             room[..count * each].copy_from_slice(&numbers[..count * each]);
             &room
         };
@@ -195,8 +197,17 @@ impl PreparedRays {
         for lane in (0..CHUNK).step_by(S::N) {
             let to = given.as_flattened_mut()[lane..].as_mut_ptr();
             // SAFETY: the caller's contract; a vector from the last ray's first number on is there, and rows for all
-            // columns that a vector takes.
-            unsafe { S::transpose(from.as_ptr().add(lane * each), each, to, CHUNK) };
+            // columns that a vector takes. Each by a distance that the compiler knows.
+            unsafe {
+                match rays {
+                    Rays::Records(_) => {
+                        S::transpose(from.as_ptr().add(lane * RECORD), RECORD, to, CHUNK);
+                    }
+                    Rays::Rows { .. } => {
+                        S::transpose(from.as_ptr().add(lane * ROW), ROW, to, CHUNK);
+                    }
+                }
+            }
         }
         if let Rays::Rows { t_min, t_max, .. } = rays {
             given.copy_within(3..6, 4);

@@ -5,7 +5,7 @@ use splitplane_core::ray::{Accuracy, Hit, Ray};
 use super::batch::{Answers, RayBatch};
 use super::leaves::IndexedLeaves;
 use super::packet::Packet;
-use super::prepare::{CHUNK, PreparedRays, numbers};
+use super::prepare::{CHUNK, PreparedRays, RECORD, numbers};
 use super::ray_state::{RayState, ScalarOutcome};
 use super::{exact, reference};
 use crate::simd::{Simd, prefetch};
@@ -39,8 +39,8 @@ impl Supply<'_> {
             let count = CHUNK.min(rays.len() - start);
             let rest = rays.part(start..rays.len());
             let (numbers, each) = numbers(&rest);
-            for line in 0..CHUNK * each * size_of::<f32>() / 64 {
-                // Prefetch the rays after the next ones: batches are long, and read only once.
+            for line in 0..CHUNK * RECORD * size_of::<f32>() / 64 {
+                // Prefetch the rays after the next ones: batches are long, and read only once. (Of rows these are some more.)
                 let rays = numbers.as_ptr().wrapping_add(2 * CHUNK * each);
                 prefetch(rays.cast::<u8>().wrapping_add(64 * line));
             }
