@@ -112,7 +112,7 @@ pub use splitplane_core::query::cast::{Cast, CastOptions, Impact};
 pub use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions};
 pub use splitplane_core::query::inside::{LocateOptions, Located, Location, Rule};
 pub use splitplane_core::query::overlap::{OverlapOptions, Overlaps, Plane, Volume};
-pub use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray, Undecided};
+pub use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray, Rays, Undecided};
 pub use splitplane_core::report::{BackendInfo, BuildSummary, QueryReport};
 pub use splitplane_core::tree::digest::Digest;
 pub use splitplane_core::tree::node::{Axis, KdNode, NodeKind};

@@ -22,7 +22,7 @@ use splitplane_core::query::inside::{LocateOptions, Located};
 use splitplane_core::query::intersect::{Limits, SceneScale};
 use splitplane_core::query::overlap::{OverlapOptions, Overlaps, Volume};
 use splitplane_core::query::traverse::Query;
-use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::ray::{Hit, QueryOptions, Ray, Rays};
 use splitplane_core::report::{BuildSummary, QueryReport};
 use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::Triangle;
@@ -167,7 +167,7 @@ impl CpuAccelerator {
     /// Answers a batch.
     fn answer<T: Answer>(
         &self,
-        rays: &[Ray],
+        rays: Rays<'_>,
         answers: &mut [T],
         options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
@@ -177,15 +177,16 @@ impl CpuAccelerator {
         let (layout, scene) = (&self.layout, &self.scene);
         // How slow rays are shows only as they are traced.
         let at_first = if meter.is_watched() { FIRST } else { TASK };
-        let tasks = rays.par_chunks(TASK).zip(answers.par_chunks_mut(TASK));
+        let tasks = answers.par_chunks_mut(TASK).enumerate();
         let done = tasks.try_for_each_init(
             || at_first,
-            |count, (rays, answers)| {
+            |count, (task, answers)| {
+                let rays = rays.part(task * TASK..task * TASK + answers.len());
                 let mut next = 0;
                 while next < rays.len() && !meter.is_cancelled() {
                     let some = next..rays.len().min(next + *count);
                     let stopwatch = meter.is_watched().then(Stopwatch::start);
-                    let rays = &rays[some.clone()];
+                    let rays = rays.part(some.clone());
                     let batch = RayBatch { layout, scene, rays, options, query: T::QUERY };
                     let answers = T::answers(&mut answers[some.clone()]);
                     // SAFETY: as for one ray.
@@ -272,7 +273,7 @@ impl Accelerator for CpuAccelerator {
         hits: &mut [Hit],
         options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
-        self.answer(rays, hits, options)
+        self.answer(Rays::Records(rays), hits, options)
     }
 
     /// Calls the watch about every two milliseconds, from one thread at a time, and never within a
@@ -280,6 +281,24 @@ impl Accelerator for CpuAccelerator {
     fn any_hits(
         &self,
         rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.answer(Rays::Records(rays), occluded, options)
+    }
+
+    fn closest_hits_of(
+        &self,
+        rays: Rays<'_>,
+        hits: &mut [Hit],
+        options: &QueryOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.answer(rays, hits, options)
+    }
+
+    fn any_hits_of(
+        &self,
+        rays: Rays<'_>,
         occluded: &mut [bool],
         options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {

@@ -4,7 +4,7 @@ use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions, QueryLayout};
 use splitplane_core::config::BuildConfig;
 use splitplane_core::mesh::Mesh;
-use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray, Rays};
 use splitplane_core::tree::KdTree;
 use splitplane_core::tree::node::KdNode;
 use splitplane_core::triangle::Triangle;
@@ -146,6 +146,52 @@ fn odd_trees_are_traced_like_others() {
             assert!(tight.iter().any(Hit::is_hit));
             let found = |hits: &[Hit]| hits.iter().map(|hit| hit.triangle).collect::<Vec<_>>();
             assert_eq!(found(&tight), found(&wide), "{set:?} {layout:?}");
+        }
+    }
+}
+
+/// Rows of six numbers: the same bits as their records, for batches of all lengths, layouts and accuracies.
+#[test]
+fn rows_give_what_their_records_give() {
+    let triangles = soup(2_000);
+    let mesh = Mesh::soup(&triangles).unwrap();
+    let mut rows: Vec<[f32; 6]> = rays(9_001)
+        .iter()
+        .map(|Ray { origin: [a, b, c], direction: [x, y, z], .. }| [*a, *b, *c, *x, *y, *z])
+        .collect();
+    // Some that vectors leave to other code, and some that hit nothing.
+    for (place, row) in rows.iter_mut().enumerate() {
+        match place % 97 {
+            5 => *row = row.map(|number| number * 1e9),
+            17 => row[3..].iter_mut().for_each(|number| *number *= 1e-39),
+            31 => row[place % 6] = f32::NAN,
+            47 => row[3..].fill(0.0),
+            _ => {}
+        }
+    }
+    for set in InstructionSet::available() {
+        let backend = CpuBackend::with_instruction_set(set);
+        for layout in [QueryLayout::Fast, QueryLayout::Compact] {
+            let options = BuildOptions { layout, ..BuildOptions::default() };
+            let tree = backend.build_accelerator(&mesh, &options).unwrap();
+            for accuracy in Accuracy::ALL {
+                let options = QueryOptions { accuracy, ..QueryOptions::default() };
+                let limits = [(0.0, f32::INFINITY), (1.0, 3.0)];
+                for ((t_min, t_max), count) in limits.into_iter().zip([rows.len(), 4_127]) {
+                    let given = Rays::Rows { rows: &rows, t_min, t_max }.part(0..count);
+                    let records: Vec<Ray> = (0..count).map(|place| given.ray(place)).collect();
+                    let (mut own, mut expected) = (vec![Hit::MISS; count], vec![Hit::MISS; count]);
+                    tree.closest_hits_of(given, &mut own, &options).unwrap();
+                    tree.closest_hits(&records, &mut expected, &options).unwrap();
+                    assert!(own == expected, "{set:?} {layout:?} {accuracy:?} {count}");
+                    let hits = expected.iter().filter(|hit| hit.is_hit()).count();
+                    assert!(hits > 200 && hits < count - 200, "{hits} of {count}");
+                    let (mut own, mut expected) = (vec![false; count], vec![true; count]);
+                    tree.any_hits_of(given, &mut own, &options).unwrap();
+                    tree.any_hits(&records, &mut expected, &options).unwrap();
+                    assert!(own == expected, "{set:?} {layout:?} {accuracy:?} {count}");
+                }
+            }
         }
     }
 }

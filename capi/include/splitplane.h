@@ -380,7 +380,8 @@ typedef struct splitplane_tree_summary {
 // Rays in your arrays: the points `origin + t * direction` with `t_min <= t <= t_max`. `t` is in units of the direction's length.
 //
 // A ray with an origin or direction that is not finite, a direction of zeros or a limit that is NaN hits nothing. Records of eight floats (origin, least t, direction, greatest t)
-// with all four strides 32 are read where they lie; others are copied, some at a time.
+// with all four strides 32 are read where they lie. So are rows of six (origin, direction) with both strides 24 and limits that all rays have, by closest and any hits of a tree.
+// Others are copied, some at a time.
 typedef struct splitplane_rays {
     // x, y and z of the first origin.
     const float *origins;

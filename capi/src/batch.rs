@@ -1,6 +1,6 @@
 //! Batches: what is asked for in parts, and what answers are counted.
 
-use library::{QueryReport, Ray, Watch};
+use library::{QueryReport, Ray, Rays, Watch};
 
 use crate::buffer::{Given, Wanted, filled};
 use crate::progress::{Caller, watch};
@@ -43,6 +43,25 @@ pub(crate) fn rays<T: Copy + Send>(
         })?);
         Ok(())
     })?;
+    Ok(sum)
+}
+
+/// The same, by what also reads rows as they lie.
+pub(crate) fn rays_of<T: Copy + Send>(
+    rays: &View<'_>,
+    wanted: &mut Wanted<'_, T>,
+    blank: T,
+    caller: Option<Caller>,
+    ask: impl Fn(Rays<'_>, &mut [T], Option<&dyn Watch>) -> Result<QueryReport, Failure> + Sync,
+) -> Result<Report, Failure> {
+    let Some(rows) = rays.rows() else {
+        return self::rays(rays, wanted, blank, caller, |rays, answers, watch| {
+            ask(Rays::Records(rays), answers, watch)
+        });
+    };
+    let (total, mut sum) = (rows.len(), Report::default());
+    let part = caller.map(|caller| caller.part(0, total));
+    sum.add(&into(wanted, 0, total, blank, |answers| ask(rows, answers, watch(&part)))?);
     Ok(sum)
 }
 

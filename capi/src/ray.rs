@@ -1,7 +1,7 @@
 //! Rays as C has them.
 
 use bytemuck::Pod;
-use library::Ray;
+use library::{Ray, Rays as LibraryRays};
 use rayon::prelude::*;
 
 use crate::buffer::{Given, Places, read};
@@ -10,7 +10,8 @@ use crate::status::Failure;
 /// Rays in your arrays: the points `origin + t * direction` with `t_min <= t <= t_max`. `t` is in units of the direction's length.
 ///
 /// A ray with an origin or direction that is not finite, a direction of zeros or a limit that is NaN hits nothing. Records of eight floats (origin, least t, direction, greatest t)
-/// with all four strides 32 are read where they lie; others are copied, some at a time.
+/// with all four strides 32 are read where they lie. So are rows of six (origin, direction) with both strides 24 and limits that all rays have, by closest and any hits of a tree.
+/// Others are copied, some at a time.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct Rays {
@@ -147,6 +148,19 @@ impl<'a> View<'a> {
             && self.t_max.is_at(first + 28);
         // SAFETY: all four parts of each record are there, side by side, and nobody writes them; the alignment is that of floats.
         record.then(|| unsafe { std::slice::from_raw_parts(self.origins.first().cast(), count) })
+    }
+
+    /// Rows of six floats with limits that all rays have, if that is what the caller has.
+    pub(crate) fn rows(&self) -> Option<LibraryRays<'a>> {
+        let (Limit::All(t_min), Limit::All(t_max)) = (self.t_min, self.t_max) else { return None };
+        let (first, count) = (self.origins.first(), self.len());
+        let strides = [self.origins.stride(), self.directions.stride()];
+        let row = count > 0
+            && strides == [size_of::<[f32; 6]>(); 2]
+            && self.directions.first().addr() == first.addr() + size_of::<[f32; 3]>();
+        // SAFETY: both halves of each row are there, side by side, and nobody writes them; the alignment is that of floats.
+        let rows = row.then(|| unsafe { std::slice::from_raw_parts(first.cast(), count) });
+        rows.map(|rows| LibraryRays::Rows { rows, t_min, t_max })
     }
 
     /// Shows all rays at once.

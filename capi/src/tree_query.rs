@@ -63,13 +63,13 @@ pub unsafe extern "C" fn splitplane_tree_closest_hits(
             Report::default()
         } else {
             pool::run(query.threads, || {
-                batch::rays(
+                batch::rays_of(
                     &rays,
                     &mut wanted,
                     HitOfMesh::MISS,
                     query.caller,
                     |rays, hits, watch| {
-                        Ok(accelerator.closest_hits(rays, hits, &query.hits(watch))?)
+                        Ok(accelerator.closest_hits_of(rays, hits, &query.hits(watch))?)
                     },
                 )
             })?
@@ -110,8 +110,8 @@ pub unsafe extern "C" fn splitplane_tree_any_hits(
             Report::default()
         } else {
             pool::run(query.threads, || {
-                batch::rays(&rays, &mut wanted, false, query.caller, |rays, occluded, watch| {
-                    Ok(accelerator.any_hits(rays, occluded, &query.hits(watch))?)
+                batch::rays_of(&rays, &mut wanted, false, query.caller, |rays, occluded, watch| {
+                    Ok(accelerator.any_hits_of(rays, occluded, &query.hits(watch))?)
                 })
             })?
         };

@@ -3,6 +3,7 @@
 mod count;
 mod locate;
 mod options;
+mod part;
 #[cfg(target_has_atomic = "ptr")]
 pub mod scene;
 
@@ -15,7 +16,7 @@ use crate::query::cast::{Cast, CastOptions, Impact};
 use crate::query::closest_point::{ClosestPoint, ClosestPointOptions};
 use crate::query::inside::{self, LocateOptions, Located};
 use crate::query::overlap::{OverlapOptions, Overlaps, Volume};
-use crate::ray::{Hit, QueryOptions, Ray};
+use crate::ray::{Hit, QueryOptions, Ray, Rays};
 use crate::report::{BackendInfo, BuildSummary, QueryReport};
 #[cfg(target_has_atomic = "ptr")]
 use crate::scene::file::SceneFile;
@@ -31,6 +32,7 @@ use core::any::Any;
 use count::count_by_all_hits;
 pub use locate::locate_along;
 pub use options::{BuildOptions, LoadOptions, QueryLayout};
+use part::in_records;
 #[cfg(target_has_atomic = "ptr")]
 use scene::{HostScene, SceneAccelerator, UpdateReport};
 
@@ -232,6 +234,40 @@ pub trait Accelerator: Send + Sync {
         options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
         one_by_one(rays, occluded, options.watch, |ray| self.any_hit(ray, options))
+    }
+
+    /// [`Accelerator::closest_hits`] of rays as they lie in memory: the same hits, bit for bit.
+    ///
+    /// The default makes records of rows, 262,144 at a time, and asks for those.
+    ///
+    /// # Errors
+    /// As for [`Accelerator::closest_hits`], and no memory for records.
+    fn closest_hits_of(
+        &self,
+        rays: Rays<'_>,
+        hits: &mut [Hit],
+        options: &QueryOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        in_records(rays, hits, options, |rays, hits, options| {
+            self.closest_hits(rays, hits, options)
+        })
+    }
+
+    /// [`Accelerator::any_hits`] of rays as they lie in memory: the same answers.
+    ///
+    /// The default makes records of rows, 262,144 at a time, and asks for those.
+    ///
+    /// # Errors
+    /// As for [`Accelerator::any_hits`], and no memory for records.
+    fn any_hits_of(
+        &self,
+        rays: Rays<'_>,
+        occluded: &mut [bool],
+        options: &QueryOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        in_records(rays, occluded, options, |rays, occluded, options| {
+            self.any_hits(rays, occluded, options)
+        })
     }
 
     /// All crossings of every ray with surfaces between its limits, in order along it: see

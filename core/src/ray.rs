@@ -1,8 +1,12 @@
 //! Rays and hits: what goes into a query and what comes out.
 
+mod rays;
+
 use crate::watch::Watch;
 use bytemuck::{Pod, Zeroable};
 use thiserror::Error;
+
+pub use rays::Rays;
 
 /// A ray: the points `origin + t * direction` with `t_min <= t <= t_max`, both ends included.
 ///

@@ -54,6 +54,14 @@ impl Built {
         }
     }
 
+    /// Bytes that are held for queries.
+    pub(crate) fn bytes(&self) -> u64 {
+        match self {
+            Built::Whole(scene) => scene.scene().bytes(),
+            Built::Lazy(scene, _) => scene.bytes(),
+        }
+    }
+
     /// Builds all that waits.
     pub(crate) fn complete(&self, watch: &dyn Watch) -> Result<(), Failure> {
         match self {

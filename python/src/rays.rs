@@ -5,7 +5,7 @@ use std::cell::Cell;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use rayon::prelude::*;
-use splitplane::Ray;
+use splitplane::{Ray, Rays as Given};
 
 use crate::arrays::{flat, reserved};
 use crate::failure::Failure;
@@ -126,33 +126,28 @@ impl<'a> Rays<'a> {
         (0..self.len()).map(|place| self.at(place))
     }
 
-    /// Shows the rays of one block.
+    /// Shows the rays of one block: as they lie, unless each has limits of its own.
     pub(crate) fn with_block<T>(
         &self,
         number: usize,
-        show: impl FnOnce(&[Ray]) -> Result<T, Failure>,
+        show: impl FnOnce(Given<'_>) -> Result<T, Failure>,
     ) -> Result<T, Failure> {
         let here = number * BLOCK..self.len().min((number + 1) * BLOCK);
-        let (rows, limits) = match self {
-            Rays::Whole(rays) => return show(&rays[here]),
-            Rays::Split { rows, t_min, t_max } => (&rows[here.clone()], (t_min.0, t_max.0)),
-        };
+        match *self {
+            Rays::Whole(rays) => return show(Given::Records(&rays[here])),
+            Rays::Split {
+                rows,
+                t_min: Limits(Limit::All(t_min)),
+                t_max: Limits(Limit::All(t_max)),
+            } => return show(Given::Rows { rows: &rows[here], t_min, t_max }),
+            Rays::Split { .. } => {}
+        }
         // Taken out, so that a task that this thread does in between has its own.
         let mut records = RECORDS.take();
         records.clear();
         records.try_reserve(BLOCK).map_err(|_| Failure::memory(BLOCK * size_of::<Ray>()))?;
-        match limits {
-            (Limit::All(t_min), Limit::All(t_max)) => {
-                records.extend(rows.iter().map(|&[a, b, c, x, y, z]| Ray {
-                    origin: [a, b, c],
-                    t_min,
-                    direction: [x, y, z],
-                    t_max,
-                }));
-            }
-            _ => records.extend(here.map(|place| self.at(place))),
-        }
-        let shown = show(&records);
+        records.extend(here.map(|place| self.at(place)));
+        let shown = show(Given::Records(&records));
         RECORDS.set(records);
         shown
     }

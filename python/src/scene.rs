@@ -379,6 +379,11 @@ impl Scene {
         Ok(self.read()?.built.waiting())
     }
 
+    /// Bytes that are held for queries.
+    fn query_bytes(&self) -> PyResult<u64> {
+        Ok(self.read()?.built.bytes())
+    }
+
     /// Builds all that waits.
     fn complete(&self, py: Python<'_>, call: Call) -> PyResult<()> {
         let state = self.current()?;

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use splitplane::core::tree::file::{self, TreeFile};
 use splitplane::{
     Accelerator, AllHitsOptions, BuildOptions, ClosestPoint, ClosestPointOptions, Crossing, Hit,
-    LoadOptions, LocateOptions, Mesh, QueryOptions, QueryReport, Ray, Watch,
+    LoadOptions, LocateOptions, Mesh, QueryOptions, QueryReport, Ray, Rays as Given, Watch,
 };
 
 use crate::answers::{Columns, Crossings, located};
@@ -213,7 +213,7 @@ impl Tree {
         if opened.is_cpu() {
             return call.run(py, |watcher| {
                 in_blocks(&rays, hits, watcher, |rays, hits, watch| {
-                    accelerator.closest_hits(rays, hits, &QueryOptions { watch, ..options })?;
+                    accelerator.closest_hits_of(rays, hits, &QueryOptions { watch, ..options })?;
                     Ok(())
                 })
             });
@@ -248,7 +248,7 @@ impl Tree {
         if opened.is_cpu() {
             return call.run(py, |watcher| {
                 in_blocks(&rays, occluded, watcher, |rays, occluded, watch| {
-                    accelerator.any_hits(rays, occluded, &QueryOptions { watch, ..options })?;
+                    accelerator.any_hits_of(rays, occluded, &QueryOptions { watch, ..options })?;
                     Ok(())
                 })
             });
@@ -397,7 +397,7 @@ fn in_blocks<T: Send>(
     rays: &Rays<'_>,
     answers: &mut [T],
     watcher: &Watcher,
-    ask: impl Fn(&[Ray], &mut [T], Option<&dyn Watch>) -> Result<(), Failure> + Sync,
+    ask: impl Fn(Given<'_>, &mut [T], Option<&dyn Watch>) -> Result<(), Failure> + Sync,
 ) -> Result<Counts, Failure> {
     let blocks = &Blocks::new(watcher, rays.len());
     let outs = answers.par_chunks_mut(BLOCK).enumerate();

@@ -289,6 +289,37 @@ def test_lazy_scenes_build_what_rays_reach() -> None:
     assert kept.digest == whole.digest and kept.waiting == 0
 
 
+@pytest.mark.parametrize("preset", ["fast", "balanced", "best"])
+def test_lazy_scenes_keep_their_layout(preset: str) -> None:
+    def held(scene: Scene) -> int:
+        scene.complete()
+        return scene.query_bytes
+
+    rays = rays_at(200)
+    sizes, answers = {}, []
+    for layout in ("fast", "compact"):
+        whole, lazy = (row(geometries=True, preset=preset, layout=layout, lazy=lazy) for lazy in (False, True))
+        empty = lazy.query_bytes
+        assert empty < whole.query_bytes / 4
+        answers += [whole.closest_hits(rays), lazy.closest_hits(rays)]
+        assert lazy.waiting == 0 and lazy.query_bytes == whole.query_bytes
+        sizes[layout] = lazy.query_bytes
+        # What is built later is laid out in the same way: after an edit, under another limit, and in a copy.
+        lazy.add_geometry(VERTICES, FACES)
+        lazy.update()
+        assert lazy.waiting == 1 and held(lazy) > sizes[layout] * 1.1
+        lazy.remove_geometry(4)
+        lazy.update(max_memory=1 << 30)
+        assert lazy.waiting == 4 and lazy.query_bytes == empty
+        assert held(lazy) == sizes[layout]
+        assert pickle.loads(pickle.dumps(lazy)).query_bytes == sizes[layout]
+    assert sizes["compact"] < 0.9 * sizes["fast"]
+    for other in answers[1:]:
+        for name in ("t", "u", "v", "triangle", "geometry", "instance"):
+            np.testing.assert_array_equal(getattr(answers[0], name), getattr(other, name))
+    assert answers[0].hit.any()
+
+
 def test_lazy_scenes_keep_limits_and_end_builds() -> None:
     lazy = Scene(lazy=True)
     lazy.add_instance(lazy.add_geometry(*sphere(100, 60)))

@@ -103,6 +103,58 @@ def test_shapes_are_those_of_the_rays(tree: Tree) -> None:
     np.testing.assert_array_equal(tree.closest_hits(rays.astype(">f4")).t, flat.t)
 
 
+COLUMNS = ("t", "triangle", "u", "v")
+
+
+def strange_rays(count: int) -> np.ndarray:
+    """Rays of which some hit nothing, whatever the mesh: not finite, without a direction; and some that are moved before they are traced."""
+    rays = rays_at(count, count)
+    for first, kind in enumerate((np.nan, np.inf, -np.inf, 0, 1e-45)):
+        rays[20 + first :: 23, 3:] = kind
+    rays[3::31, 2] = np.nan
+    rays[7::37, :3] -= rays[7::37, 3:] * np.float32(1e6)
+    return rays
+
+
+@pytest.mark.parametrize("count", [0, 1, 16, 17, 31, 32, 33, 34, 4095, 4096, 4097, 9000])
+def test_rays_of_six_and_of_eight_numbers_give_the_same_bits(tree: Tree, count: int) -> None:
+    rays = strange_rays(count)
+    wide = np.full((count, 13), np.nan, np.float32)
+    wide[:, 4:10] = rays
+    frozen = rays.copy()
+    frozen.flags.writeable = False
+    unaligned = np.frombuffer(b"\0" + rays.tobytes(), dtype=np.uint8)[1:].view(np.float32).reshape(-1, 6)
+    # Whatever lies around them, and in whichever order they lie.
+    forms = [rays, frozen, unaligned, wide[:, 4:10], wide[::-1, 4:10][::-1], rays[:, ::-1].copy()[:, ::-1], np.asfortranarray(rays), np.repeat(rays, 2, axis=0)[::2],
+             rays.astype(np.float64), rays.astype(">f4"), list(map(list, rays)) or rays]  # fmt: skip
+    for least, most in ((None, None), (0.25, 3.5), (-2.0, np.inf), (2.0, 1.0), (np.nan, 1.0)):
+        whole = np.zeros((count, 8), np.float32)
+        whole[:, :3], whole[:, 4:7] = rays[:, :3], rays[:, 3:]
+        whole[:, 3], whole[:, 7] = 0 if least is None else least, np.inf if most is None else most
+        limits = {} if least is None else {"t_min": least, "t_max": most}
+        for accuracy in ("watertight", "exact", "fast"):
+            right, occluded = tree.closest_hits(whole, accuracy=accuracy), tree.any_hits(whole, accuracy=accuracy)
+            np.testing.assert_array_equal(occluded, right.hit)
+            if count > 4000 and (least is None or least < 1):
+                assert 100 < right.hit.sum() < count - 100
+            for threads, form in enumerate(forms if accuracy == "watertight" else forms[:1]):
+                found = tree.closest_hits(form, accuracy=accuracy, threads=threads % 3 or None, **limits)
+                for name in COLUMNS:
+                    assert getattr(found, name).tobytes() == getattr(right, name).tobytes(), (name, threads, limits)
+                np.testing.assert_array_equal(tree.any_hits(form, accuracy=accuracy, **limits), occluded)
+            # Another number is other bits.
+            if count > 4000 and least is None:
+                moved = tree.closest_hits(rays * np.float32([1, 1, 1.001, 1, 1, 1]), accuracy=accuracy)
+                assert (moved.t != right.t)[right.hit].mean() > 0.9
+            # Limits of each ray's own are another way in.
+            if least is not None:
+                each = {name: np.full(count, value, np.float32) for name, value in limits.items()}
+                found = tree.closest_hits(rays, accuracy=accuracy, **each)
+                assert all(getattr(found, name).tobytes() == getattr(right, name).tobytes() for name in COLUMNS)
+                found = tree.closest_hits(rays, accuracy=accuracy, t_min=each["t_min"], t_max=limits["t_max"])
+                assert all(getattr(found, name).tobytes() == getattr(right, name).tobytes() for name in COLUMNS)
+
+
 def test_limits_are_numbers_or_arrays(tree: Tree) -> None:
     rays = rays_at(200)
     t = tree.closest_hits(rays).t

@@ -7,7 +7,7 @@ use splitplane_core::query::cast::{Cast, CastOptions, Impact};
 use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions};
 use splitplane_core::query::inside::{LocateOptions, Located};
 use splitplane_core::query::overlap::{OverlapOptions, Overlaps, Volume};
-use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::ray::{Hit, QueryOptions, Ray, Rays};
 use splitplane_core::report::{BuildSummary, QueryReport};
 use splitplane_core::tree::KdTree;
 use std::any::Any;
@@ -57,6 +57,24 @@ impl Accelerator for Shared {
         options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
         self.0.any_hits(rays, occluded, options)
+    }
+
+    fn closest_hits_of(
+        &self,
+        rays: Rays<'_>,
+        hits: &mut [Hit],
+        options: &QueryOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.0.closest_hits_of(rays, hits, options)
+    }
+
+    fn any_hits_of(
+        &self,
+        rays: Rays<'_>,
+        occluded: &mut [bool],
+        options: &QueryOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.0.any_hits_of(rays, occluded, options)
     }
 
     fn all_hits(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> Result<AllHits, QueryError> {

@@ -2,7 +2,7 @@
 
 use splitplane_core::query::intersect::SceneScale;
 use splitplane_core::query::traverse::Query;
-use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
+use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Rays};
 
 use super::packet::Packet;
 use crate::layout::tree_layout::TreeLayout;
@@ -13,7 +13,7 @@ use crate::simd::Simd;
 pub(crate) struct RayBatch<'a> {
     pub layout: &'a TreeLayout,
     pub scene: &'a SceneScale,
-    pub rays: &'a [Ray],
+    pub rays: Rays<'a>,
     pub options: &'a QueryOptions<'a>,
     pub query: Query,
 }

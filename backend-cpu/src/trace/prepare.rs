@@ -9,7 +9,7 @@ use splitplane_core::query::intersect::{
     STOP_SLACK, SceneScale,
 };
 use splitplane_core::query::traverse::Query;
-use splitplane_core::ray::Ray;
+use splitplane_core::ray::Rays;
 
 use super::ray_state::{
     AXES, EXIT_FACTOR, ORIGIN_SLACK, RAY_STATE_WORDS, RayState, behind, far_end_is_solid,
@@ -21,6 +21,20 @@ pub(crate) const CHUNK: usize = 32;
 
 /// A number of each ray.
 pub(crate) type PerRay<T> = [T; CHUNK];
+
+/// The numbers of rays one after the other, and how many each has.
+#[cfg_attr(not(unoptimised), inline(always))]
+pub(super) fn numbers<'a>(rays: &Rays<'a>) -> (&'a [f32], usize) {
+    match *rays {
+        Rays::Records(rays) => (bytemuck::cast_slice(rays), RECORD),
+        Rays::Rows { rows, .. } => (rows.as_flattened(), ROW),
+    }
+}
+
+/// Numbers of a record.
+pub(super) const RECORD: usize = 8;
+/// Numbers of a row.
+const ROW: usize = 6;
 
 /// Rays prepared together; see [`PreparedRay`] and [`RayState`] for the fields.
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
@@ -163,27 +177,41 @@ impl PreparedRays {
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) unsafe fn fill<S: Simd>(
         &mut self,
-        rays: &[Ray],
+        rays: Rays<'_>,
         scene: &SceneScale,
         first: usize,
         query: Query,
     ) {
         let count = rays.len().min(CHUNK);
-        // One more than is used, since whole vectors are read.
+        let (numbers, each) = numbers(&rays);
+        // More than is used, since whole vectors are read.
         let mut room;
-        let rays = if rays.len() > CHUNK {
-            rays
+        let from = if numbers.len() >= (CHUNK - 1) * each + MOST_LANES {
+            numbers
         } else {
-            room = [Ray::new([0.0; 3], [0.0; 3]); CHUNK + 1];
-            room[..count].copy_from_slice(&rays[..count]);
+            room = [0.0; (CHUNK + 1) * RECORD];
+            room[..count * each].copy_from_slice(&numbers[..count * each]);
             &room
         };
         let mut given = [[0.0f32; CHUNK]; MOST_LANES];
         for lane in (0..CHUNK).step_by(S::N) {
             let to = given.as_flattened_mut()[lane..].as_mut_ptr();
-            // SAFETY: the caller's contract; one ray more of 8 floats than there are lanes, and rows for all
-            // columns that a vector takes.
-            unsafe { S::transpose(rays.as_ptr().add(lane).cast(), 8, to, CHUNK) };
+            // SAFETY: the caller's contract; a vector from the last ray's first number on is there, and rows for all
+            // columns that a vector takes. Each by a distance that the compiler knows.
+            unsafe {
+                match rays {
+                    Rays::Records(_) => {
+                        S::transpose(from.as_ptr().add(lane * RECORD), RECORD, to, CHUNK);
+                    }
+                    Rays::Rows { .. } => {
+                        S::transpose(from.as_ptr().add(lane * ROW), ROW, to, CHUNK);
+                    }
+                }
+            }
+        }
+        if let Rays::Rows { t_min, t_max, .. } = rays {
+            given.copy_within(3..6, 4);
+            (given[3], given[7]) = ([t_min; CHUNK], [t_max; CHUNK]);
         }
         let [ox, oy, oz, given_t_min, dx, dy, dz, given_t_max, ..] = &given;
         let (origins, directions) = ([ox, oy, oz], [dx, dy, dz]);

@@ -162,6 +162,7 @@ mod tests {
     use splitplane_core::aabb::Aabb;
     use splitplane_core::arithmetic::power_of_two;
     use splitplane_core::query::intersect::Limits;
+    use splitplane_core::ray::Rays;
     use splitplane_test_support::random::Random;
 
     use super::*;
@@ -203,7 +204,8 @@ mod tests {
                 }
             });
             let many = InstructionSet::available();
-            let many = many.into_iter().map(|set| filled(set, &rays, &scene, 0, query));
+            let many =
+                many.into_iter().map(|set| filled(set, Rays::Records(&rays), &scene, 0, query));
             for ((lanes, ray_states), (lane, ray)) in
                 many.flat_map(|made| rays.iter().enumerate().map(move |ray| (made, ray)))
             {

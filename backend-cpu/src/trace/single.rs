@@ -4,7 +4,7 @@ use core::mem::MaybeUninit;
 
 use splitplane_core::query::intersect::SceneScale;
 use splitplane_core::query::traverse::Query;
-use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
+use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray, Rays};
 
 use super::batch::{Answers, RayBatch};
 use super::block_test::BestHit;
@@ -117,7 +117,8 @@ impl Compiled for WithCare<'_> {
         let Single { layout, scene, ray, options, query } = self.0;
         let mut hit = Hit::MISS;
         let answers = Answers::Hits(core::slice::from_mut(&mut hit));
-        let batch = RayBatch { layout, scene, rays: core::slice::from_ref(ray), options, query };
+        let rays = Rays::Records(core::slice::from_ref(ray));
+        let batch = RayBatch { layout, scene, rays, options, query };
         // SAFETY: the caller's contract.
         match unsafe { S::call(Stream { batch, answers }) } {
             Ok(()) => hit,

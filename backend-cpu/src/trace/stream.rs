@@ -146,8 +146,8 @@ unsafe fn fly<S: Simd, L: Leaves>(
             lane.ray_state = *ray_state;
             lane.best = BestHit::NONE;
             if exactly {
-                let ray = &rays[ray_state.index as usize];
-                let exact = ExactLane::new(ray, ray_state, &bounds);
+                let ray = rays.ray(ray_state.index as usize);
+                let exact = ExactLane::new(&ray, ray_state, &bounds);
                 // Rays that can hit nothing are not handed out.
                 lane.exact = exact.unwrap_or(ExactLane::idle());
             }

@@ -5,7 +5,7 @@ use splitplane_core::ray::{Accuracy, Hit, Ray};
 use super::batch::{Answers, RayBatch};
 use super::leaves::IndexedLeaves;
 use super::packet::Packet;
-use super::prepare::{CHUNK, PreparedRays};
+use super::prepare::{CHUNK, PreparedRays, RECORD, numbers};
 use super::ray_state::{RayState, ScalarOutcome};
 use super::{exact, reference};
 use crate::simd::{Simd, prefetch};
@@ -36,15 +36,17 @@ impl Supply<'_> {
                 return None;
             }
             let start = self.next;
-            let chunk = &rays[start..(start + CHUNK).min(rays.len())];
-            for line in 0..size_of::<[Ray; CHUNK]>() / 64 {
-                // Prefetch the rays after the next ones: batches are long, and read only once.
-                let rays = rays.as_ptr().wrapping_add(start + 2 * CHUNK);
+            let count = CHUNK.min(rays.len() - start);
+            let rest = rays.part(start..rays.len());
+            let (numbers, each) = numbers(&rest);
+            for line in 0..CHUNK * RECORD * size_of::<f32>() / 64 {
+                // Prefetch the rays after the next ones: batches are long, and read only once. (Of rows these are some more.)
+                let rays = numbers.as_ptr().wrapping_add(2 * CHUNK * each);
                 prefetch(rays.cast::<u8>().wrapping_add(64 * line));
             }
             // SAFETY: the caller's contract.
-            unsafe { self.ready.fill::<S>(&rays[start..], scene, start, query) };
-            self.next += chunk.len();
+            unsafe { self.ready.fill::<S>(rest, scene, start, query) };
+            self.next += count;
             let ready = &*self.ready;
             let shifts = u32::from(options.accuracy == Accuracy::Exact);
             let (mut special, mut alive) = (0, 0);
@@ -53,7 +55,7 @@ impl Supply<'_> {
                 special |= (ready.special[lane] | (ready.shifted[lane] & shifts)) << lane;
                 alive |= (ready.alive[lane] & within) << lane;
             }
-            let there = u32::MAX >> (CHUNK - chunk.len());
+            let there = u32::MAX >> (CHUNK - count);
             self.left = alive & !special;
             let mut missing = there & !alive & !special;
             while missing != 0 {
@@ -71,7 +73,7 @@ impl Supply<'_> {
             while special != 0 {
                 let lane = special.trailing_zeros() as usize;
                 special &= special - 1;
-                match self.prepare_by_core(&chunk[lane]) {
+                match self.prepare_by_core(&rest.ray(lane)) {
                     ScalarOutcome::Traced(ray_state) => {
                         self.ray_states[lane] =
                             RayState { index: (start + lane) as u32, ..ray_state };

@@ -275,6 +275,75 @@ fn trees_answer_as_the_library_does() {
     done(splitplane_tree_free(tree));
 }
 
+/// Rows of six floats, with limits that all have, in both orders of their halves, and results with gaps.
+#[test]
+fn rows_of_six_floats_give_what_records_give() {
+    let (positions, indices) = arrays();
+    let (backend, mut tree) = (open(), Tree { id: 0 });
+    // SAFETY: arrays and rooms are there, here and below.
+    unsafe {
+        done(splitplane_tree_build(backend, &mesh_of(&positions, &indices), null(), &mut tree));
+    }
+    done(splitplane_backend_free(backend));
+    let limits = [0.5_f32, 2.5];
+    for (count, limited) in [(9001, false), (700, true), (33, true), (5, true), (0, false)] {
+        let mut given = rays(count);
+        for ray in &mut given {
+            (ray.t_min, ray.t_max) = if limited { (0.5, 2.5) } else { (0.0, f32::INFINITY) };
+        }
+        let limits =
+            if limited { [&raw const limits[0], &raw const limits[1]] } else { [null(); 2] };
+        let record = records(&given);
+        let (mut expected, mut any) = (vec![HitOfMesh::MISS; count], vec![7_u8; count]);
+        // SAFETY: as above.
+        unsafe {
+            let hits = expected.as_mut_ptr().cast();
+            done(splitplane_tree_closest_hits(tree, &record, null(), hits, 16, null_mut()));
+            done(splitplane_tree_any_hits(tree, &record, null(), any.as_mut_ptr(), 1, null_mut()));
+        }
+        for origin in [0, 3] {
+            let rows: Vec<f32> = given
+                .iter()
+                .flat_map(|ray| {
+                    let halves = [ray.origin, ray.direction];
+                    [halves[origin / 3], halves[1 - origin / 3]].into_iter().flatten()
+                })
+                .collect();
+            let first = rows.as_ptr();
+            let rays = Rays {
+                origins: first.wrapping_add(origin),
+                origin_stride: 24,
+                directions: first.wrapping_add(3 - origin),
+                direction_stride: 24,
+                t_min: limits[0],
+                t_min_stride: 0,
+                t_max: limits[1],
+                t_max_stride: 0,
+                count,
+            };
+            let (mut hits, mut occluded) = (vec![HitOfMesh::MISS; count], vec![7_u8; count]);
+            let mut gaps = vec![[7.5_f32; 6]; count];
+            // SAFETY: as above.
+            unsafe {
+                let first = hits.as_mut_ptr().cast();
+                done(splitplane_tree_closest_hits(tree, &rays, null(), first, 16, null_mut()));
+                let first = gaps.as_mut_ptr().cast();
+                done(splitplane_tree_closest_hits(tree, &rays, null(), first, 24, null_mut()));
+                let first = occluded.as_mut_ptr();
+                done(splitplane_tree_any_hits(tree, &rays, null(), first, 1, null_mut()));
+            }
+            assert_eq!(bits(&hits), bits(&expected));
+            assert_eq!(occluded, any);
+            for (gap, hit) in gaps.iter().zip(&expected) {
+                assert_eq!(cast_slice::<f32, u32>(&gap[..4]), bits(&[*hit]));
+                assert_eq!(gap[4..], [7.5, 7.5]);
+            }
+        }
+        assert!(count < 700 || any.contains(&1) && any.contains(&0));
+    }
+    done(splitplane_tree_free(tree));
+}
+
 #[test]
 fn lists_and_points_of_trees_are_the_library_s() {
     let (positions, indices) = arrays();

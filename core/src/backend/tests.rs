@@ -176,6 +176,45 @@ fn batches_are_answered_in_slices() {
     assert_eq!(leaf.closest_hits(&rays, &mut hits[1..], &options), mismatch);
 }
 
+/// By the default: rows are asked for as records, in parts of which the watch sees nothing.
+#[test]
+fn rows_are_answered_as_their_records() {
+    const COUNT: usize = part::RECORDS + SLICE + 77;
+    let (leaf, options) = (OneLeaf::leaf(&BuildOptions::default()), QueryOptions::default());
+    let records: Vec<Ray> = rays(COUNT).iter().map(|ray| ray.with_limits(0.5, 1.5)).collect();
+    let row = |ray: &Ray| {
+        let ([a, b, c], [x, y, z]) = (ray.origin, ray.direction);
+        [a, b, c, x, y, z]
+    };
+    let rows: Vec<[f32; 6]> = records.iter().map(row).collect();
+    let given = Rays::Rows { rows: &rows, t_min: 0.5, t_max: 1.5 };
+    assert_eq!((given.len(), given.is_empty(), given.part(0..0).is_empty()), (COUNT, false, true));
+    let (mut own, mut expected) = (alloc::vec![Hit::MISS; COUNT], alloc::vec![Hit::MISS; COUNT]);
+    let recorder = Recorder::until(u64::MAX, COUNT as u64);
+    let watched = QueryOptions { watch: Some(&recorder), ..options };
+    let report = leaf.closest_hits_of(given, &mut own, &watched).expect("equal lengths");
+    assert_eq!(report, QueryReport::default());
+    // Four slices of the first part begin and it ends; then two of the second, and its end.
+    let slice = SLICE as u64;
+    let sum = slice * (2 + 2 * 3 + 3 * 4 + 4 * 5 + 4 * 6 + 5 * 7) + 8 * COUNT as u64;
+    assert_eq!(recorder.sum.load(Relaxed), sum);
+    leaf.closest_hits(&records, &mut expected, &options).expect("equal lengths");
+    assert_eq!(own, expected);
+    assert!(own.iter().any(Hit::is_hit) && !own.iter().all(Hit::is_hit));
+    let (mut own, mut any) = (alloc::vec![false; COUNT], alloc::vec![false; COUNT]);
+    leaf.any_hits_of(given, &mut own, &options).expect("equal lengths");
+    leaf.any_hits_of(Rays::from(&records[..]), &mut any, &options).expect("equal lengths");
+    assert!(own.iter().zip(&expected).all(|(any, hit)| *any == hit.is_hit()) && own == any);
+
+    let recorder = Recorder::until(7, COUNT as u64);
+    let watched = QueryOptions { watch: Some(&recorder), ..options };
+    let ended = leaf.any_hits_of(given, &mut own, &watched);
+    let done = (part::RECORDS + SLICE) as u64;
+    assert_eq!(ended, Err(QueryError::Cancelled { done, total: COUNT as u64 }));
+    let mismatch = Err(QueryError::LengthMismatch { rays: COUNT, results: COUNT - 1 });
+    assert_eq!(leaf.any_hits_of(given, &mut own[1..], &options), mismatch);
+}
+
 #[test]
 fn reports_on_parts_add_up() {
     let part = |flagged: &[usize]| QueryReport {

@@ -234,6 +234,11 @@ class Edits(Handle[_native.Scene]):
         return self._native.waiting()
 
     @property
+    def query_bytes(self) -> int:
+        """Bytes that are held for queries: trees, what rays read, and placements. Those of geometries that wait are not among them."""
+        return self._native.query_bytes()
+
+    @property
     def digest(self) -> str:
         """16 hexadecimal digits that name geometries and instances. Builds all of a lazy scene."""
         return self._native.digest()

@@ -28,7 +28,7 @@ class Scene(Edits):
     face: all of the instance. A hit that is ignored is as if it were not there. To decide hit by hit, take :meth:`all_hits` and
     :meth:`~splitplane.results.Crossings.first`.
 
-    preset, backend, adapter: as for :meth:`splitplane.Tree.build`, for all geometries.
+    preset, layout, backend, adapter: as for :meth:`splitplane.Tree.build`, for all geometries.
     lazy: a geometry is built when the first ray reaches the box of an instance of it, and nothing that is built hides it: answers are the
     same, and queries may take memory and fail as builds do. Points, overlaps, files, digests and pickles build all of it; a pickle's copy is not lazy.
     """

@@ -74,9 +74,10 @@ class Tree(Handle[_native.Tree]):
     any machine and number of threads.
 
     Rays have shape (..., 6): origin x, y, z and direction x, y, z; or (..., 8): origin, least t, direction, greatest t, which
-    is the library's own record and is read where it lies. A ray is ``origin + t * direction`` with ``t_min <= t <= t_max``; t
-    is in units of the direction's length, which need not be 1. Points have shape (..., 3), in the unit of the mesh. Answers
-    have the leading shape.
+    is the library's own record. Both are read where they lie by closest and any hits on the CPU; records are made of (..., 6)
+    where an array of limits is given, and by other queries. A ray is ``origin + t * direction`` with ``t_min <= t <= t_max``; t is in
+    units of the direction's length, which need not be 1. Points have shape (..., 3), in the unit of the mesh. Answers have the
+    leading shape.
 
     float32 is taken as it is. Other numbers are rounded to it, and reports count how many were (``rounded``). Far from the
     origin of coordinates that costs digits: give ``origin``, and float64 is first taken relative to that point.

@@ -1,7 +1,7 @@
 use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::query::traverse;
-use splitplane_core::ray::{Culling, Ray};
+use splitplane_core::ray::{Culling, Ray, Rays};
 use splitplane_core::triangle::Triangle;
 use splitplane_test_support::random::Random;
 
@@ -115,7 +115,7 @@ impl Compiled for Compare {
                 for query in [Query::Closest, Query::Any] {
                     let mut ready = PreparedRays::NONE;
                     // SAFETY: the caller ensures that the processor has the set.
-                    unsafe { ready.fill::<S>(&rays, scene, 0, query) };
+                    unsafe { ready.fill::<S>(Rays::Records(&rays), scene, 0, query) };
                     // Taking a packet writes over the places that have no ray of it.
                     let alive = (0..CHUNK).filter(|&lane| {
                         let within = ready.enter[lane] <= ready.exit[lane];

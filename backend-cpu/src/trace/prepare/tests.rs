@@ -2,13 +2,14 @@ use super::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::query::intersect::Limits;
+use splitplane_core::ray::Ray;
 use splitplane_test_support::random::Random;
 
 use crate::simd::{Compiled, InstructionSet};
 
 /// [`PreparedRays::fill`] and then [`PreparedRays::ways`].
 struct Fill<'a> {
-    rays: &'a [Ray],
+    rays: Rays<'a>,
     scene: &'a SceneScale,
     first: usize,
     query: Query,
@@ -32,7 +33,7 @@ impl Compiled for Fill<'_> {
 /// The first rays as a set prepares them, and their states.
 pub(crate) fn filled(
     set: InstructionSet,
-    rays: &[Ray],
+    rays: Rays<'_>,
     scene: &SceneScale,
     first: usize,
     query: Query,
@@ -66,7 +67,8 @@ fn lanes_equal_the_scalar_code() {
         for first in (0..rays.len()).step_by(CHUNK) {
             // Where there are more, they are read from where they are; the last are fewer than lanes.
             let chunk = &rays[first..];
-            let (lanes, ray_states) = filled(set, chunk, &scene, first, Query::Closest);
+            let (lanes, ray_states) =
+                filled(set, Rays::Records(chunk), &scene, first, Query::Closest);
             for lane in chunk.len()..CHUNK {
                 assert_eq!(lanes.alive[lane], 0, "{set:?} {lane}");
             }
@@ -99,5 +101,43 @@ fn lanes_equal_the_scalar_code() {
             }
         }
         assert!(compared > 2000 && dead > 100, "{set:?} {compared} {dead}");
+    }
+}
+
+/// Rows of six numbers are prepared as the records of the same rays are, to the last bit, wherever a batch ends.
+#[test]
+fn rows_are_prepared_as_records_are() {
+    let bounds = Aabb { lo: [-1.0, -2.0, 0.5], hi: [3.0, 1.0, 4.0] };
+    let limits = Limits { greatest: 4.0, least: 0.25, longest: 1.0, shortest: 0.1 };
+    let scene = SceneScale::new(bounds, &limits);
+    let mut random = Random::new(11);
+    let odd = [0.0, -0.0, 1.0, 1e-40, -1e-13, 1e30, f32::NAN, f32::NEG_INFINITY];
+    let rows: Vec<[f32; 6]> = (0..4 * CHUNK + 3)
+        .map(|place| match place % 5 {
+            0 => core::array::from_fn(|_| random.pick(&odd)),
+            _ => core::array::from_fn(|_| random.signed() * 5.0),
+        })
+        .collect();
+    for set in InstructionSet::available() {
+        for (t_min, t_max) in [(0.0, f32::INFINITY), (-1.5, 3.0), (2.0, 1.0), (f32::NAN, 1.0)] {
+            let rays = Rays::Rows { rows: &rows, t_min, t_max };
+            let records: Vec<Ray> = (0..rows.len()).map(|place| rays.ray(place)).collect();
+            // From no row to more than are read.
+            for places in (0..=CHUNK + 3).map(|count| 7..7 + count) {
+                for query in [Query::Closest, Query::Any] {
+                    let own = filled(set, rays.part(places.clone()), &scene, 7, query);
+                    let expected = Rays::Records(&records[places.clone()]);
+                    let expected = filled(set, expected, &scene, 7, query);
+                    let count = places.len().min(CHUNK);
+                    assert_eq!(own.0.alive, expected.0.alive, "{set:?} {places:?}");
+                    assert_eq!(own.0.special, expected.0.special, "{set:?} {places:?}");
+                    assert_eq!(own.0.shifted, expected.0.shifted, "{set:?} {places:?}");
+                    let bits =
+                        |states: &[RayState]| bytemuck::cast_slice::<_, u32>(states).to_vec();
+                    let (own, expected) = (bits(&own.1[..count]), bits(&expected.1[..count]));
+                    assert_eq!(own, expected, "{set:?} {places:?}");
+                }
+            }
+        }
     }
 }
