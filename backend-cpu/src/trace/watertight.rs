@@ -258,7 +258,11 @@ pub(crate) unsafe fn meet<S: Simd, V: View<S>>(
         let nearest = S::min(da, S::min(db, dc));
         let farthest = S::max(da, S::max(db, dc));
         let depths = [nearest, farthest];
-        let reached = S::and(S::le(span.t_min, farthest), S::le(nearest, span.stop));
+        // Edges of large triangles enclose the ray's line most often, wherever on it they are.
+        bits &= S::bits(S::and(S::le(span.t_min, farthest), S::le(nearest, span.stop)));
+        if bits == 0 {
+            return None;
+        }
         // Edge functions this small count as 0.
         let u = or_zero::<S>(u, EDGE_LEAST);
         let (v, w) = (or_zero::<S>(v, EDGE_LEAST), or_zero::<S>(w, EDGE_LEAST));
@@ -280,7 +284,7 @@ pub(crate) unsafe fn meet<S: Simd, V: View<S>>(
         let gap = S::mul(S::sub(span.t_min, interpolated), size);
         let surely = S::and(S::le(most_error, gap), S::le(sum_least, nearly_eightfold));
         let before = S::bits(S::and(surely, fat)) & !S::bits(after);
-        bits &= S::bits(reached) & !before;
+        bits &= !before;
         if bits == 0 {
             return None;
         }
