@@ -1,7 +1,7 @@
 //! The wide triangle test: which triangles of a block hold a hit, and where.
 
 use super::triangle_block::{TriangleBlock, Vectors};
-use core::marker::PhantomData;
+use core::hint::black_box;
 
 use splitplane_core::arithmetic::{Strict, power_of_two, snap};
 use splitplane_core::query::intersect::{
@@ -200,18 +200,19 @@ fn test_sifted<T: TriangleBlock, K: Keep>(
 
 /// The triangles of a block as a ray sees them. Work on a corner is done once for all triangles
 /// that share it.
-struct ShearedBlock<S: Simd, T> {
+struct ShearedBlock<'a, S: Simd, T> {
+    ray_state: &'a RayState,
+    block: &'a T,
     places: [S::Places; 3],
     /// In as many vectors as [`TriangleBlock::VECTORS`].
     corners: [Corner<S>; 3],
-    of: PhantomData<T>,
 }
 
-impl<S: Simd, T: TriangleBlock> ShearedBlock<S, T> {
+impl<'a, S: Simd, T: TriangleBlock> ShearedBlock<'a, S, T> {
     /// # Safety
     /// As for [`test()`].
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn new(ray_state: &RayState, block: &T) -> ShearedBlock<S, T> {
+    unsafe fn new(ray_state: &'a RayState, block: &'a T) -> ShearedBlock<'a, S, T> {
         // SAFETY: the caller's contract.
         unsafe {
             let axes = ray_state.bytes_to_axes();
@@ -225,7 +226,7 @@ impl<S: Simd, T: TriangleBlock> ShearedBlock<S, T> {
                 second
             };
             let corners = [first, second, third];
-            ShearedBlock { places: block.places::<S>(), corners, of: PhantomData }
+            ShearedBlock { ray_state, block, places: block.places::<S>(), corners }
         }
     }
 
@@ -295,7 +296,7 @@ unsafe fn all_corners<S: Simd, T: TriangleBlock>(
     }
 }
 
-impl<S: Simd, T: TriangleBlock> View<S> for ShearedBlock<S, T> {
+impl<S: Simd, T: TriangleBlock> View<S> for ShearedBlock<'_, S, T> {
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn flat(&self) -> [[S::Floats; 3]; 2] {
         let [a, b, c] = &self.corners;
@@ -317,9 +318,24 @@ impl<S: Simd, T: TriangleBlock> View<S> for ShearedBlock<S, T> {
 
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn reach(&self) -> S::Floats {
-        let [a, b, c] = &self.corners;
         // SAFETY: the caller's contract.
-        unsafe { self.greatest([a.reach(), b.reach(), c.reach()]) }
+        unsafe {
+            // Seldom: found anew, and so that the compiler does not keep for its sake what registers have no space for.
+            let block = black_box(*self.block);
+            let again = ShearedBlock::<S, T>::new(self.ray_state, &block);
+            let [a, b, c] = &again.corners;
+            again.greatest([a.reach(), b.reach(), c.reach()])
+        }
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn reach_at_most(&self, width: S::Floats, distance: S::Floats) -> S::Floats {
+        // SAFETY: the caller's contract.
+        unsafe {
+            // Inner `t` of 1 is as far on the axis of the largest component.
+            let largest = S::splat(self.ray_state.largest());
+            S::add(width, S::abs(S::mul(distance, largest)))
+        }
     }
 
     #[cfg_attr(not(unoptimised), inline(always))]

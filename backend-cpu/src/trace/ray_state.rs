@@ -154,6 +154,14 @@ impl RayState {
         BYTES_TO_AXES[self.axes as usize % BYTES_TO_AXES.len()]
     }
 
+    /// The largest component of the direction: from 1 to below 2, either way.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) fn largest(&self) -> f32 {
+        let [.., bytes] = self.bytes_to_axes();
+        // SAFETY: bytes from the first of three numbers to one of them.
+        unsafe { *self.direction.as_ptr().byte_add(bytes) }
+    }
+
     /// The ray as the reference tests take it.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) fn ray(&self) -> PreparedRay {

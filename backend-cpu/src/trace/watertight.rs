@@ -15,6 +15,11 @@ use splitplane_core::ray::Culling;
 use super::refined::{Pairs, Refined};
 use crate::simd::{MOST_LANES, Simd};
 
+/// More than twice [`INTERPOLATION_ERROR`], by enough for the roundings of what it is multiplied with.
+const MORE_THAN_TWO_ERRORS: f32 = 2.1 * INTERPOLATION_ERROR;
+/// Less than 8, by more than the roundings of a bound of the reach.
+const LESS_THAN_EIGHT: f32 = 7.99;
+
 /// A corner of triangles as rays see it.
 #[derive(Clone, Copy)]
 pub(crate) struct Corner<S: Simd> {
@@ -73,6 +78,13 @@ pub(crate) trait View<S: Simd> {
     unsafe fn depths(&self) -> [S::Floats; 3];
     /// The greatest [`Corner::reach`].
     unsafe fn reach(&self) -> S::Floats;
+    /// At least that, if it were not for roundings, given the greatest [`Corner::width`] and the greatest distance in inner `t`. Largest
+    /// components of directions are below 2.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn reach_at_most(&self, width: S::Floats, distance: S::Floats) -> S::Floats {
+        // SAFETY: the caller's contract.
+        unsafe { S::add(width, S::add(distance, distance)) }
+    }
     /// The greatest [`Corner::width`]; the least and the greatest sheared coordinate are known.
     unsafe fn width(&self, ends: [S::Floats; 2]) -> S::Floats;
 }
@@ -215,8 +227,15 @@ pub(crate) unsafe fn enclosed<S: Simd, V: View<S>>(view: &V) -> u32 {
     unsafe { of_one_sign::<S>(edges::<S>(view.flat())) }
 }
 
-/// The test of some lanes, without the closer look. Most often no triangle's edges enclose the ray
-/// with corners that reach into its limits: then there is nothing more to do.
+/// The test of some lanes, without the closer look, in three parts. Most often no triangle's edges enclose the ray. Of those that do,
+/// many are the ones that rays start on, or start close to: they are left out before it is known how well `t` can be interpolated. What
+/// is left is mostly a hit, and mostly one that needs nothing else.
+///
+/// Reach (R) is bounded in the second part, from the width (W) and the corners' distance in depth: slopes are at most 1, so a corner's x and y are
+/// at most W + |z|. So what is plain by the bound is plain. A fat triangle with a sum that is known is
+/// either interpolated, and then not met where that is less than `t_min`, or it is left out where it is with the error added. It is,
+/// where twice the error is less than the distance to `t_min`: the sum is nearer to the interpolated `t`, a float, than to
+/// `t_min`.
 ///
 /// # Safety
 /// The processor must have the set.
@@ -231,11 +250,16 @@ pub(crate) unsafe fn meet<S: Simd, V: View<S>>(
     unsafe {
         let flat = view.flat();
         let [u, v, w] = edges::<S>(flat);
+        let mut bits = of & of_one_sign::<S>([u, v, w]);
+        if bits == 0 {
+            return None;
+        }
         let [da, db, dc] = view.depths();
         let nearest = S::min(da, S::min(db, dc));
         let farthest = S::max(da, S::max(db, dc));
-        let reached = S::and(S::le(span.t_min, farthest), S::le(nearest, span.stop));
-        let mut bits = of & S::bits(reached) & of_one_sign::<S>([u, v, w]);
+        let depths = [nearest, farthest];
+        // Edges of large triangles enclose the ray's line most often, wherever on it they are.
+        bits &= S::bits(S::and(S::le(span.t_min, farthest), S::le(nearest, span.stop)));
         if bits == 0 {
             return None;
         }
@@ -243,47 +267,63 @@ pub(crate) unsafe fn meet<S: Simd, V: View<S>>(
         let u = or_zero::<S>(u, EDGE_LEAST);
         let (v, w) = (or_zero::<S>(v, EDGE_LEAST), or_zero::<S>(w, EDGE_LEAST));
         let det = S::add(S::add(u, v), w);
-        let (beside, ends) = extent::<S>(flat);
-        bits &= !beside & faces::<S>(det, culling);
         let sum = S::add(S::add(S::mul(u, da), S::mul(v, db)), S::mul(w, dc));
         let interpolated = S::div(sum, det);
         let (spread, size) = (S::sub(farthest, nearest), S::abs(det));
+        let (beside, ends) = extent::<S>(flat);
         let width = view.width(ends);
-        let area = S::mul(view.reach(), width);
-        let disorder = S::mul(area, spread);
-        let eightfold = S::mul(S::splat(8.0), S::abs(sum));
+        let most = view.reach_at_most(width, S::magnitude(nearest, farthest));
+        let most_disorder = S::mul(S::mul(most, width), spread);
+        let most_error = S::mul(most_disorder, S::splat(MORE_THAN_TWO_ERRORS));
+        let nearly_eightfold = S::mul(S::splat(LESS_THAN_EIGHT), S::abs(sum));
         let (det_least, sum_least) = (S::splat(DET_LEAST), S::splat(SUM_LEAST));
-        let plain = S::le(S::max(disorder, sum_least), eightfold);
         let fat = S::max(S::mul(S::mul(width, width), S::splat(SLIVER)), det_least);
-        let fine = S::bits(S::and(plain, S::le(fat, size)));
+        let fat = S::le(fat, size);
+        let t = S::min(S::max(interpolated, nearest), farthest);
+        let after = S::le(span.t_min, t);
+        let gap = S::mul(S::sub(span.t_min, interpolated), size);
+        let surely = S::and(S::le(most_error, gap), S::le(sum_least, nearly_eightfold));
+        let before = S::bits(S::and(surely, fat)) & !S::bits(after);
+        bits &= !before;
+        if bits == 0 {
+            return None;
+        }
+        bits &= !beside & faces::<S>(det, culling);
+        let kept = S::bits(S::and(after, S::le(t, span.stop)));
+        let plain = S::le(S::max(most_disorder, sum_least), nearly_eightfold);
+        let fine = S::bits(S::and(plain, fat));
         // The reference finds the signs of edge functions that are 0.
         let least = S::min(S::abs(u), S::min(S::abs(v), S::abs(w)));
         let clear = S::bits(S::le(S::splat(EDGE_LEAST), least));
-        let depths = [nearest, farthest];
-        let (t, kept) = held::<S>(interpolated, depths, span);
-        let fine_and_kept = bits & fine & kept;
-        // Many of the others are rejected as in the reference: the ones that rays start on. Without
-        // a branch, which no predictor would get right.
-        let error = S::mul(S::div(disorder, size), S::splat(INTERPOLATION_ERROR));
-        let early = S::sub(interpolated, error);
-        let after = S::le(span.t_min, S::add(interpolated, error));
-        let before = S::le(early, span.t_max);
-        // Nothing is further off than the farthest corner, whatever the error. A `t` that counts as 0 may precede the best.
-        let stop = S::max(span.stop, S::splat(T_LEAST));
-        let soon = S::le(S::min(farthest, early), stop);
-        let known = S::le(det_least, size);
-        let hazy = S::bits(S::le(disorder, S::max(eightfold, sum_least))) | !S::bits(known);
-        let within = S::bits(S::and(S::and(after, before), soon)) | hazy;
-        let unclear = (bits & !fine & within) | (fine_and_kept & !clear);
-        let mut robust = 0;
+        let mut met = bits & fine & kept & clear;
+        let (mut unclear, mut robust) = (0, 0);
         // Seldom.
-        if unclear != 0 {
+        if bits & !(fine & (clear | !kept)) != 0 {
+            let area = S::mul(view.reach(), width);
+            let disorder = S::mul(area, spread);
+            let eightfold = S::mul(S::splat(8.0), S::abs(sum));
+            let plain = S::le(S::max(disorder, sum_least), eightfold);
+            let fine = S::bits(S::and(plain, fat));
+            let fine_and_kept = bits & fine & kept;
+            // Many of the others are rejected as in the reference. Without a branch, which no predictor would get right.
+            let error = S::mul(S::div(disorder, size), S::splat(INTERPOLATION_ERROR));
+            let early = S::sub(interpolated, error);
+            let after = S::le(span.t_min, S::add(interpolated, error));
+            let before = S::le(early, span.t_max);
+            // Nothing is further off than the farthest corner, whatever the error. A `t` that counts as 0 may precede the best.
+            let stop = S::max(span.stop, S::splat(T_LEAST));
+            let soon = S::le(S::min(farthest, early), stop);
+            let known = S::le(det_least, size);
+            let hazy = S::bits(S::le(disorder, S::max(eightfold, sum_least))) | !S::bits(known);
+            let within = S::bits(S::and(S::and(after, before), soon)) | hazy;
+            unclear = (bits & !fine & within) | (fine_and_kept & !clear);
+            met = fine_and_kept & clear;
             let sure = S::le(S::mul(area, S::splat(ROBUST)), least);
             let short = S::le(spread, S::mul(S::splat(NEEDLE), width));
             let ordinary = S::and(short, S::le(S::splat(WIDTH_LEAST), width));
             robust = S::bits(S::and(sure, ordinary)) & clear;
         }
-        Some(Meeting { met: fine_and_kept & clear, unclear, robust, t, v, w, det, depths })
+        Some(Meeting { met, unclear, robust, t, v, w, det, depths })
     }
 }
 
