@@ -1,7 +1,6 @@
 //! Bounds that hold for all rays of a packet: intervals, and which triangles of a block they rule
 //! out.
 
-/*UNRES*/
 use super::Packet;
 use super::row::{GroupRow, ZERO, store};
 use crate::layout::packed_block::PackedBlock;

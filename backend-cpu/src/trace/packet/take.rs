@@ -5,7 +5,6 @@ use core::ops::Range;
 use splitplane_core::query::intersect::{PLANE_SLACK, STOP_SLACK, SceneScale};
 use splitplane_core::ray::Hit;
 
-/*UNRES*/
 use super::Packet;
 use super::bounds::{Bounds, ranges};
 use super::group::Group;

@@ -4,7 +4,6 @@ use splitplane_core::query::intersect::STOP_SLACK;
 use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Culling, QueryOptions};
 
-/*UNRES*/
 use super::PacketRays;
 use super::group::Group;
 use super::row::{GroupRow, load, put};
