@@ -36,20 +36,20 @@ export function room(into, rays, words, what) {
 }
 
 /** Does the slices of a batch one after the other. */
-export function inSlices(total, given, work) {
+export function inSlices(total, what, given, work) {
     const watch = watcher(given);
-    if (watch.isWatched) watch.between(0, total);
+    if (watch.isWatched) watch.between(0, total, what);
     for (let first = 0; first < total; first += SLICE) {
         const some = Math.min(SLICE, total - first);
         watch.run(() => work(first, some));
-        if (watch.isWatched) watch.between(first + some, total);
+        if (watch.isWatched) watch.between(first + some, total, what);
     }
 }
 
 /** The same with the event loop in between: slices take about 8 ms. */
-export async function inSlicesAsync(total, given, work) {
+export async function inSlicesAsync(total, what, given, work) {
     const watch = watcher(given);
-    watch.between(0, total);
+    watch.between(0, total, what);
     let size = FIRST;
     for (let first = 0; first < total; ) {
         const some = Math.min(size, total - first);
@@ -60,7 +60,7 @@ export async function inSlicesAsync(total, given, work) {
         else if (took < TOO_LONG / 2) size = Math.min(SLICE, size << 1);
         first += some;
         await pause();
-        watch.between(first, total);
+        watch.between(first, total, what);
     }
 }
 
@@ -88,14 +88,15 @@ export function batch({ what, type, each, answerWords, prepare, ask, give }) {
             const total = asked.length / each;
             const answers = room(known.into, rays, answerWords(total), "the answers");
             try {
-                inSlices(total, known, (first, some) => ask(self(), asked.own, answers.own, first, some, known));
+                inSlices(total, what, known, (first, some) => ask(self(), asked.own, answers.own, first, some, known));
                 return known.into === undefined ? give(answers, total) : answers;
             } finally {
                 if (known.into === undefined) answers.free();
             }
         });
     };
-    const later = async (self, rays, given) => {
+    /** `version` is another number after a change: answers of two states are not mixed. */
+    const later = async (self, rays, given, version) => {
         const known = begin(given);
         // The caller's array may change meanwhile, so it is copied; arrays of the module's are the caller's to keep.
         const copied = rays instanceof WasmArray ? null : copy(rays, what, type, each);
@@ -104,7 +105,12 @@ export function batch({ what, type, each, answerWords, prepare, ask, give }) {
         try {
             const total = withArrays([{ value: asked, what, type, each }], () => asked.length / each);
             answers = room(known.into, rays, answerWords(total), "the answers");
-            await inSlicesAsync(total, known, (first, some) => ask(self(), asked.own, answers.own, first, some, known));
+            const before = version();
+            await inSlicesAsync(total, what, known, (first, some) => {
+                const own = self();
+                if (version() !== before) throw new SplitplaneError("busy", `what these ${what} were asked of has changed meanwhile; ask it again`);
+                ask(own, asked.own, answers.own, first, some, known);
+            });
             return known.into === undefined ? give(answers, total) : answers;
         } finally {
             copied?.free();

@@ -218,6 +218,16 @@ export function choice(value, what, names) {
     return place;
 }
 
+/** Whether an array has lost what it showed: such a one has no length, and would pass for an empty one. */
+export function hasEnded(array) {
+    try {
+        new Uint8Array(array.buffer);
+        return false;
+    } catch {
+        return true;
+    }
+}
+
 /** An object of options, or none. */
 export function options(value) {
     if (value === undefined) return {};
@@ -242,10 +252,14 @@ export function withArrays(given, work) {
                 throw new SplitplaneError("shape", `${what}: the length is ${value.length}, but must be a multiple of ${each}`);
             }
             if (isOurs) return value;
-            const array = new WasmArray(type === Uint8Array ? Math.ceil(value.length / 4) : value.length);
+            if (hasEnded(value)) throw new SplitplaneError("type", `${what} is a view that has ended: its memory was given away, or has grown`);
+            const { buffer, byteOffset, length } = value;
+            const isWithin = buffer === memory?.buffer;
+            const array = new WasmArray(type === Uint8Array ? Math.ceil(length / 4) : length);
             made.push(array);
             const view = type === Float32Array ? array.floats : type === Uint32Array ? array.words : array.bytes;
-            view.set(value);
+            // The module's memory may have grown just now, which ends the views of it.
+            view.set(isWithin ? new type(memory.buffer, byteOffset, length) : value);
             return array;
         });
         return WasmArray.hold(arrays, () => work(...arrays));
@@ -301,11 +315,11 @@ export function watcher({ progress, signal }) {
             }
         },
         /** Between two slices of a batch, in the place of the compiled part. */
-        between(done, total) {
-            const ends = called("rays", done, total);
+        between(done, total, what) {
+            const ends = called(what, done, total);
             if (thrown !== null) throw thrown.error;
             if (!ends) return;
-            const message = `cancelled after ${done} of ${total} rays`;
+            const message = `cancelled after ${done} of ${total} ${what}`;
             throw signal?.aborted ? aborted(message) : new SplitplaneError("cancelled", message);
         },
         isWatched: progress !== undefined || signal !== undefined,

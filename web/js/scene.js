@@ -43,6 +43,7 @@ const any = batch({
 export class Scene extends Instances {
     #own;
     #calls = new Calls("Scene");
+    #version = 0;
 
     constructor() {
         super(() => this.#alive(), call);
@@ -66,7 +67,10 @@ export class Scene extends Instances {
         const known = options(given);
         const settings = buildOptions(known);
         const watch = watcher(known);
-        watch.run(() => this.#calls.changing(() => own.update(...settings, watch.called)));
+        watch.run(() => {
+            this.#version += 1;
+            this.#calls.changing(() => own.update(...settings, watch.called));
+        });
     }
 
     /** The same after the event loop has had a turn; the work itself is in one piece. */
@@ -80,7 +84,7 @@ export class Scene extends Instances {
     }
 
     closestHitsAsync(rays, given) {
-        return closest.later(() => this.#alive(), rays, given);
+        return closest.later(() => this.#alive(), rays, given, () => this.#version);
     }
 
     anyHits(rays, given) {
@@ -88,7 +92,7 @@ export class Scene extends Instances {
     }
 
     anyHitsAsync(rays, given) {
-        return any.later(() => this.#alive(), rays, given);
+        return any.later(() => this.#alive(), rays, given, () => this.#version);
     }
 
     free() {

@@ -21,6 +21,7 @@ function built(positions, indices, given, make) {
 export class Tree {
     #own;
     #calls = new Calls("Tree");
+    #version = 0;
 
     /** Takes what the compiled part made; users call `Tree.build`. */
     constructor(own) {
@@ -63,7 +64,10 @@ export class Tree {
 
     rebuild(positions, indices, given) {
         const own = this.#alive();
-        built(positions, indices, given, (...all) => this.#calls.changing(() => own.rebuild(...all)));
+        built(positions, indices, given, (...all) => {
+            this.#version += 1;
+            this.#calls.changing(() => own.rebuild(...all));
+        });
     }
 
     toBytes(positions, indices) {
@@ -91,7 +95,7 @@ export class Tree {
     }
 
     closestHitsAsync(rays, given) {
-        return closest.later(() => this.#alive(), rays, given);
+        return closest.later(() => this.#alive(), rays, given, () => this.#version);
     }
 
     anyHits(rays, given) {
@@ -99,7 +103,7 @@ export class Tree {
     }
 
     anyHitsAsync(rays, given) {
-        return any.later(() => this.#alive(), rays, given);
+        return any.later(() => this.#alive(), rays, given, () => this.#version);
     }
 
     windings(points, given) {
@@ -107,10 +111,11 @@ export class Tree {
     }
 
     windingsAsync(points, given) {
-        return windings.later(() => this.#alive(), points, given);
+        return windings.later(() => this.#alive(), points, given, () => this.#version);
     }
 
     contains(points, given) {
+        if (options(given).into !== undefined) throw new SplitplaneError("config", "contains has no `into`; windings has");
         const { winding, boundary } = this.windings(points, given);
         return Uint8Array.from(winding, (number, place) => Number(number !== 0 || boundary[place] !== 0));
     }
@@ -120,7 +125,7 @@ export class Tree {
     }
 
     closestPointsAsync(points, given) {
-        return near.later(() => this.#alive(), points, given);
+        return near.later(() => this.#alive(), points, given, () => this.#version);
     }
 
     closestHit(origin, direction, given) {

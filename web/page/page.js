@@ -18,6 +18,8 @@ let isReady = false;
 /** Whether the worker has WebGPU in the place of threads that it could have; whether it is to open what was open before it. */
 let withGpu = false;
 let comesBack = false;
+/** Counts what the visitor has chosen to open: a file that is still being read gives way to what comes after it. */
+let choices = 0;
 /** The depth of the boxes, as the visitor has chosen it. */
 let wantedDepth = 4;
 
@@ -111,6 +113,10 @@ const SCENES = /\.(glb|gltf|obj|ply|stl)$/i;
 
 async function openFiles(files) {
     complain(null);
+    choices += 1;
+    const own = choices;
+    // No built-in scene is shown any more, so that each of them can be chosen.
+    $("scene").selectedIndex = -1;
     const all = [...files];
     const file = all.find(({ name }) => SCENES.test(name)) ?? all[0];
     const bytes = all.reduce((sum, { size }) => sum + size, 0);
@@ -122,14 +128,16 @@ async function openFiles(files) {
         say(`Reading ${file.name}…`);
         const others = all.filter((other) => other !== file);
         const isText = /\.gltf$/i.test(file.name);
-        open({ file: await (isText ? wholeGltf(file, others) : file.arrayBuffer()), name: file.name });
+        const read = await (isText ? wholeGltf(file, others) : file.arrayBuffer());
+        if (own === choices) open({ file: read, name: file.name });
     } catch (error) {
-        complain(`${file.name} cannot be read: ${error.message}`);
+        if (own === choices) complain(`${file.name} cannot be read: ${error.message}`);
     }
 }
 
 function openBuiltin() {
     const name = $("scene").value;
+    choices += 1;
     $("file").value = "";
     open({ builtin: name, name });
 }
@@ -238,6 +246,7 @@ const hears = {
         const boxes = edges === null ? 0 : drawBoxes(edges);
         window.firstPicture ??= performance.now();
         if (width !== job.width) return;
+        window.firstWhole ??= performance.now();
         const rays = paths + shadows;
         const cpu = `the CPU, ${threadsTold()}, ${about.instructionSet}`;
         $("by").textContent = by === "gpu" ? `the GPU${last.gpu ? `, ${last.gpu.adapter}` : ""}` : why ? `${cpu}, since ${why}` : cpu;
@@ -250,7 +259,8 @@ const hears = {
         const heat = `what the first ray of each pixel cost, from dark to white: ${whole(top)} nodes and triangles or more`;
         const [one, many] = job.light === 0 ? ["one sample a pixel", "samples a pixel"] : ["one pass", "passes"];
         const light = `${["", "paths, ", "photons, "][job.light]}${samples === 1 ? one : `${samples} ${many}`}, ${ACCURACIES[job.accuracy]}`;
-        const told = job.boxes === null ? "" : `; ${whole(boxes)} boxes at depth ${job.boxes}`;
+        const most = boxes > MOST_BOXES ? `, of which the ${whole(MOST_BOXES)} largest are drawn` : "";
+        const told = job.boxes === null ? "" : `; ${whole(boxes)} boxes at depth ${job.boxes}${most}`;
         const shows = `${job.view === 1 ? heat : light}${told}`;
         say(`${last.scene}: ${shows}`);
         canvas.setAttribute("aria-label", `${last.scene}, ${whole(last.triangles)} triangles; ${shows}`);
@@ -297,6 +307,9 @@ const hears = {
     failed({ text, isDead }) {
         complain(text);
         say("There is no picture of that.");
+        // Any scene can be chosen then, the one before too.
+        if (isReady) $("measure").disabled = false;
+        else $("scene").selectedIndex = -1;
         if (!isDead) return;
         withGpu = false;
         begin();
@@ -313,11 +326,14 @@ function forgetTrade() {
     for (const id of ["rate", "other", "lost"]) for (const number of [0, 1, 2]) $(`${id}-${number}`).textContent = "–";
 }
 
-const COLOURS = ["#ffffffb0", "#ffd54acc", "#6fc3ff90"];
+/** Boxes of more nodes, of leaves, and of nothing: by colour, and by how the lines are broken. */
+const LINES = [{ colour: "#ffffffb0", dashes: [] }, { colour: "#ffd54acc", dashes: [4, 2] }, { colour: "#6fc3ff90", dashes: [1, 3] }];
+/** The compiled part gives no more of them. */
+const MOST_BOXES = 1500;
 
 /** Draws the edges of boxes over the picture; gives how many boxes there are. */
 function drawBoxes(edges) {
-    for (const [content, colour] of COLOURS.entries()) {
+    for (const [content, { colour, dashes }] of LINES.entries()) {
         context.beginPath();
         for (let i = 1; i < edges.length; i += 5) {
             if (edges[i + 4] !== content) continue;
@@ -326,6 +342,7 @@ function drawBoxes(edges) {
         }
         context.lineWidth = 1;
         context.strokeStyle = colour;
+        context.setLineDash(dashes);
         context.stroke();
     }
     return edges[0];
@@ -376,7 +393,10 @@ function begin() {
     isReady = false;
     worker = new Worker(withGpu ? "worker.js?gpu" : "worker.js", { type: "module" });
     worker.onmessage = ({ data }) => hears[data.kind](data);
-    worker.onerror = (event) => complain(`The worker has ended: ${event.message ?? "it could not be loaded"}`);
+    worker.onerror = (event) => {
+        complain(`The worker has ended: ${event.message ?? "it could not be loaded"}. Load the page anew.`);
+        say("There is no picture.");
+    };
 }
 
 // Turning and coming nearer.
@@ -435,8 +455,10 @@ $("settings").addEventListener("submit", (event) => event.preventDefault());
 $("scene").addEventListener("change", openBuiltin);
 $("file").addEventListener("change", () => $("file").files.length > 0 && openFiles($("file").files));
 $("preset").addEventListener("change", () => {
-    if (!isReady) return;
+    if (opened === null) return;
+    // Also while another tree is built, or after one could not be: the worker does one after the other.
     isReady = false;
+    for (const id of ["measure", "parity"]) $(id).disabled = true;
     worker.postMessage({ do: "build", preset: $("preset").value, aspect: 1.6 });
 });
 $("depth").addEventListener("input", () => {

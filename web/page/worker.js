@@ -25,6 +25,8 @@ let pace = { cpu: null, gpu: null };
 const gpu = { isOn: false, device: null, ends: null, isReady: false, why: null };
 /** A promise while something is timed: pictures wait for it. */
 let timing = null;
+/** The preset of the CPU's tree, which the GPU's has to have, too. */
+let builtBy = null;
 /** Counts what is wanted, so that work in the background sees that it is out of date. */
 let turn = 0;
 
@@ -158,6 +160,7 @@ function open({ builtin, file, name }) {
 
 function build(preset, aspect) {
     let told = 0;
+    builtBy = preset;
     const [took] = timed(() =>
         page.build(preset, aspect, (stage, done, total) => {
             const now = performance.now();
@@ -271,7 +274,7 @@ async function measure(job) {
 const does = {
     gpu({ isOn, preset }) {
         gpu.isOn = isOn;
-        return buildOnGpu(preset);
+        return buildOnGpu(builtBy ?? preset);
     },
     open(message) {
         gpu.ends?.abort();

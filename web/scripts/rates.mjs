@@ -56,7 +56,7 @@ export class Bench {
         const geometry = new three.BufferGeometry();
         geometry.setAttribute("position", new three.BufferAttribute(positions, 3));
         geometry.setIndex(new three.BufferAttribute(indices.slice(), 1));
-        this.builds[1] = timed(() => (this.bvh = new MeshBVH(geometry, { strategy: SAH, indirect: true })));
+        this.builds[1] = timed(() => (this.bvh = new MeshBVH(geometry, { strategy: SAH })));
     }
 
     /** Takes other rays. */

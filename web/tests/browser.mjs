@@ -299,6 +299,21 @@ try {
         await page.screenshot({ path: path.join(shots, "spheres.png"), fullPage: true });
     });
 
+    await step("another tree can be chosen while one is built", async () => {
+        await page.evaluate(() => {
+            const choose = (id, value) => {
+                document.getElementById(id).value = value;
+                document.getElementById(id).dispatchEvent(new Event("change"));
+            };
+            choose("scene", "cornell");
+            choose("preset", "best");
+        });
+        assert.equal((await shown(page, { scene: "cornell", preset: "best" })).preset, "best");
+        await page.selectOption("#preset", "fast");
+        await page.selectOption("#scene", "spheres");
+        await shown(page, { scene: "spheres", preset: "fast" });
+    });
+
     await step("without WebGPU the page says so, and goes on", async () => {
         await page.check('input[name="backend"][value="gpu"]');
         await page.waitForFunction(() => window.onGpu?.state === "failed");
@@ -382,7 +397,8 @@ try {
         const phone = await open("/target/page/index.html?scene=spheres", { viewport: { width: 360, height: 740 }, deviceScaleFactor: 2, hasTouch: true, isMobile: true });
         await shown(phone, { scene: "spheres" });
         assert.ok(await phone.evaluate(() => document.documentElement.scrollWidth <= innerWidth));
-        console.log(`first picture of 75,498 triangles after ${Math.round(await phone.evaluate(() => window.firstPicture))} ms`);
+        const [coarse, whole] = await phone.evaluate(() => [window.firstPicture, window.firstWhole].map(Math.round));
+        console.log(`75,498 triangles: a first picture, an eighth as wide, after ${coarse} ms, one of all pixels after ${whole} ms`);
         await phone.screenshot({ path: path.join(shots, "phone.png"), fullPage: true });
         await phone.emulateMedia({ colorScheme: "dark" });
         await phone.screenshot({ path: path.join(shots, "phone-dark.png"), fullPage: true });

@@ -1,7 +1,7 @@
 // Headless Chromium for tests, and a server of this folder's files.
 
 import { execFileSync } from "node:child_process";
-import { createReadStream, statSync } from "node:fs";
+import { createReadStream, readFileSync, statSync } from "node:fs";
 import { createServer } from "node:http";
 import { createRequire } from "node:module";
 import path from "node:path";
@@ -15,10 +15,14 @@ const TYPES = {
 /** What isolates a page, so that it may share memory. */
 const ISOLATES = { "Cross-Origin-Opener-Policy": "same-origin", "Cross-Origin-Embedder-Policy": "require-corp" };
 
+/** The policy of the page, which workers have from their own responses. */
+const POLICY = /http-equiv="Content-Security-Policy" content="([^"]*)"/.exec(readFileSync(path.join(web, "page/index.html"), "utf8"))[1];
+
 /** An empty page is at /blank.html. */
 const server = (isolates) => createServer((request, response) => {
     if (isolates) for (const [name, value] of Object.entries(ISOLATES)) response.setHeader(name, value);
     const asked = decodeURIComponent(new URL(request.url, "http://127.0.0.1").pathname);
+    if (asked.startsWith("/target/page/")) response.setHeader("Content-Security-Policy", POLICY);
     const file = path.join(web, asked.endsWith("/") ? `${asked}index.html` : asked);
     const found = file.startsWith(web + path.sep) && statSync(file, { throwIfNoEntry: false })?.isFile();
     if (asked === "/blank.html") return response.writeHead(200, { "Content-Type": "text/html" }).end('<!doctype html><title>blank</title><link rel="icon" href="data:,">');

@@ -141,6 +141,30 @@ test("what an object's own progress callback cannot do to it ends in an error", 
     for (const one of [tree, asked, scene]) one.free();
 });
 
+test("views that have ended are refused, and those of the module's own memory are read", () => {
+    const tree = make();
+    const asked = rays(50, 1);
+    const wanted = tree.closestHits(asked);
+    const kept = new WasmArray(asked.length);
+    kept.floats.set(asked);
+    assert.deepEqual(tree.closestHits(kept.floats), wanted);
+    // So large that the memory grows while a view of it is copied.
+    const large = new WasmArray(30_000_000);
+    large.floats.set(asked);
+    const found = tree.anyHits(large.floats);
+    assert.deepEqual(Array.from(found.slice(0, 50)), Array.from(wanted.triangle, (triangle) => Number(triangle !== api.NONE)));
+    const view = kept.floats;
+    const more = [];
+    while (view.length > 0) more.push(new WasmArray(20_000_000));
+    assert.throws(() => tree.closestHits(view), { code: "type", message: /a view that has ended/ });
+    assert.throws(() => Tree.build(view), { code: "type" });
+    const given = rays(50, 1);
+    structuredClone(given, { transfer: [given.buffer] });
+    assert.throws(() => tree.closestHits(given), { code: "type", message: /a view that has ended/ });
+    assert.throws(() => tree.contains(new Float32Array(3), { into: kept }), { code: "config" });
+    for (const one of [tree, kept, large, ...more]) one.free();
+});
+
 test("asynchronous batches answer the same, let others run, and can be aborted", async () => {
     const { positions, indices } = sphere(40);
     const tree = Tree.build(positions, indices);
@@ -158,6 +182,12 @@ test("asynchronous batches answer the same, let others run, and can be aborted",
     const controller = new AbortController();
     setTimeout(() => controller.abort("enough"), 5);
     await assert.rejects(tree.closestHitsAsync(asked, { signal: controller.signal }), { code: "cancelled", cause: "enough" });
+    // Changed while it is asked: answers of two trees are not mixed.
+    const mixed = tree.closestHitsAsync(asked);
+    await new Promise((resume) => setTimeout(resume, 5));
+    tree.rebuild(positions, indices);
+    await assert.rejects(mixed, { code: "busy" });
+    assert.deepEqual(await tree.closestHitsAsync(asked), wanted);
     // Freed while it is asked.
     const later = tree.anyHitsAsync(asked);
     await new Promise((resume) => setTimeout(resume, 5));
