@@ -50,6 +50,16 @@ if [ -d node_modules/three ] || npm install --silent --no-audit --no-fund --no-s
     node --test tests/three.test.mjs
     say "types"
     npx --no-install tsc --project tests/tsconfig.json
+    say "the example for Vite"
+    rm -rf target/vite
+    cp -r examples/vite target/vite
+    # There `splitplane` is this folder as well: the copy is as deep in it.
+    if npm install --silent --no-audit --no-fund --prefix target/vite; then
+        (cd target/vite && npx --no-install vite build --base ./ --logLevel warn)
+        node tests/bundle.mjs target/vite/dist
+    else
+        absent "the example for Vite: npm cannot install it"
+    fi
 else
     absent "the functions for three.js, and the types: npm cannot install three and typescript"
 fi

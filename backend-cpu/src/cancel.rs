@@ -136,8 +136,22 @@ impl<'w> ProgressMeter<'w> {
 }
 
 impl Watched<'_> {
+    #[cfg(not(target_family = "wasm"))]
     fn lock(&self) -> MutexGuard<'_, Progress> {
         self.stage.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A thread of WebAssembly that ends within the watch keeps the lock, since nothing unwinds. Who waited for it would hear nothing of that
+    /// end, so it does the pool's work instead, in which it is told.
+    #[cfg(target_family = "wasm")]
+    fn lock(&self) -> MutexGuard<'_, Progress> {
+        loop {
+            match self.stage.try_lock() {
+                Ok(progress) => return progress,
+                Err(TryLockError::Poisoned(error)) => return PoisonError::into_inner(error),
+                Err(TryLockError::WouldBlock) => drop(rayon::yield_now()),
+            }
+        }
     }
 
     fn record_work(&self, references: u64) -> bool {
