@@ -136,14 +136,15 @@ impl<'w> ProgressMeter<'w> {
 }
 
 impl Watched<'_> {
-    #[cfg(not(target_family = "wasm"))]
+    #[cfg(not(all(target_family = "wasm", target_feature = "atomics")))]
     fn lock(&self) -> MutexGuard<'_, Progress> {
         self.stage.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// A thread of WebAssembly that ends within the watch keeps the lock, since nothing unwinds. Who waited for it would hear nothing of that
     /// end, so it does the pool's work instead, in which it is told.
-    #[cfg(target_family = "wasm")]
+    #[cfg(all(target_family = "wasm", target_feature = "atomics"))]
+    #[inline(never)]
     fn lock(&self) -> MutexGuard<'_, Progress> {
         loop {
             match self.stage.try_lock() {
