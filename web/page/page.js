@@ -74,6 +74,8 @@ function open(what) {
     isReady = false;
     for (const id of ["measure", "parity"]) $(id).disabled = true;
     opened = what;
+    // With a file no built-in scene is shown any more, so that each of them can be chosen.
+    if (what.builtin === undefined) $("scene").selectedIndex = -1;
     say(`Opening ${what.name}…`);
     worker.postMessage({ do: "open", ...what, preset: $("preset").value, aspect: 1.6 });
 }
@@ -115,8 +117,6 @@ async function openFiles(files) {
     complain(null);
     choices += 1;
     const own = choices;
-    // No built-in scene is shown any more, so that each of them can be chosen.
-    $("scene").selectedIndex = -1;
     const all = [...files];
     const file = all.find(({ name }) => SCENES.test(name)) ?? all[0];
     const bytes = all.reduce((sum, { size }) => sum + size, 0);
@@ -160,7 +160,7 @@ function chooseBackend() {
     delete window.onGpu;
     // Threads and WebGPU are in two compiled parts: a worker has one of them.
     if (isOn ? about?.threads === 1 : !withGpu) {
-        worker.postMessage({ do: "gpu", isOn, preset: $("preset").value });
+        worker.postMessage({ do: "gpu", isOn });
         return;
     }
     withGpu = isOn;
@@ -204,7 +204,7 @@ const hears = {
         $("again").hidden = true;
         offerGpu(false);
         for (const id of ["scene", "file"]) $(id).disabled = false;
-        if (withGpu) worker.postMessage({ do: "gpu", isOn: true, preset: $("preset").value });
+        if (withGpu) worker.postMessage({ do: "gpu", isOn: true });
         if (opened === null) openBuiltin();
         else if (comesBack) open(opened);
         else say("Choose another scene.");

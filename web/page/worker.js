@@ -199,7 +199,7 @@ async function openGpu() {
 }
 
 /** Builds the tree of the scene on the GPU, twice: the first time takes compiling along. */
-async function buildOnGpu(preset) {
+async function buildOnGpu() {
     gpu.ends?.abort();
     gpu.isReady = false;
     gpu.why = null;
@@ -220,7 +220,7 @@ async function buildOnGpu(preset) {
         let digest = null;
         for (let round = 0; round < 2; round += 1) {
             const since = performance.now();
-            digest = await own.buildOnGpu(device, preset, () => signal.aborted);
+            digest = await own.buildOnGpu(device, builtBy, () => signal.aborted);
             times.push(performance.now() - since);
             if (signal.aborted || own !== page) return;
         }
@@ -272,9 +272,9 @@ async function measure(job) {
 }
 
 const does = {
-    gpu({ isOn, preset }) {
+    gpu({ isOn }) {
         gpu.isOn = isOn;
-        return buildOnGpu(builtBy ?? preset);
+        return buildOnGpu();
     },
     open(message) {
         gpu.ends?.abort();
@@ -285,13 +285,13 @@ const does = {
         pace = { cpu: null, gpu: null };
         tell("opened", { name: message.name, took, triangles: page.triangles(), notes: page.notes() });
         build(message.preset, message.aspect);
-        return buildOnGpu(message.preset);
+        return buildOnGpu();
     },
     build({ preset, aspect }) {
         if (page === null) return;
         [wanted, turn] = [null, turn + 1];
         build(preset, aspect);
-        return buildOnGpu(preset);
+        return buildOnGpu();
     },
     move({ right = 0, down = 0, steps = 0, home = false }) {
         if (page === null) return;
