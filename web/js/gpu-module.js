@@ -1,7 +1,7 @@
 // The compiled part for WebGPU: loading it, calling it, and arrays in its memory.
 
 import { SplitplaneError } from "./error.js";
-import { WasmArray, hasEnded } from "./module.js";
+import { WasmArray, refuseEnded } from "./module.js";
 
 /** A promise of the compiled part, { raw, memory }, once it is asked for. After a crash there is no other. */
 let loading = null;
@@ -94,9 +94,7 @@ function moved({ raw, memory }, { value, what, type, each, optional }) {
         const name = value === null ? "null" : (value?.constructor?.name ?? typeof value);
         throw new SplitplaneError("type", `${what} must be a ${type.name} or a WasmArray, but is ${name}`);
     }
-    if (!(value instanceof WasmArray) && hasEnded(value)) {
-        throw new SplitplaneError("type", `${what} is a view that has ended: its memory was given away, or has grown`);
-    }
+    if (!(value instanceof WasmArray)) refuseEnded(value, what);
     if (value.length % each !== 0) {
         throw new SplitplaneError("shape", `${what}: the length is ${value.length}, but must be a multiple of ${each}`);
     }

@@ -218,13 +218,12 @@ export function choice(value, what, names) {
     return place;
 }
 
-/** Whether an array has lost what it showed: such a one has no length, and would pass for an empty one. */
-export function hasEnded(array) {
+/** Refuses a typed array that has lost what it showed: such a one has no length, and would pass for an empty one. */
+export function refuseEnded(array, what) {
     try {
         new Uint8Array(array.buffer);
-        return false;
     } catch {
-        return true;
+        throw new SplitplaneError("type", `${what} is a view that has ended: its memory was given away, or has grown`);
     }
 }
 
@@ -248,11 +247,11 @@ export function withArrays(given, work) {
             if (!(value instanceof type) && !isOurs) {
                 throw refuse(what, type === Uint8Array ? "a Uint8Array" : `a ${type.name} or a WasmArray`, value);
             }
+            if (!isOurs) refuseEnded(value, what);
             if (value.length % each !== 0) {
                 throw new SplitplaneError("shape", `${what}: the length is ${value.length}, but must be a multiple of ${each}`);
             }
             if (isOurs) return value;
-            if (hasEnded(value)) throw new SplitplaneError("type", `${what} is a view that has ended: its memory was given away, or has grown`);
             const { buffer, byteOffset, length } = value;
             const isWithin = buffer === memory?.buffer;
             const array = new WasmArray(type === Uint8Array ? Math.ceil(length / 4) : length);
