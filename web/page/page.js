@@ -190,8 +190,8 @@ const hears = {
         if (wasByGpu && chosenBy() === "cpu") draw();
         if (state === "built" || state === "failed") window.onGpu = { state, text, adapter, parity, digest };
     },
-    ready({ scenes, mostBytes, version, instructionSet, threads, whyOne }) {
-        about = { mostBytes, version, instructionSet, threads };
+    ready({ scenes, mostBytes, mostBoxes, version, instructionSet, threads, whyOne }) {
+        about = { mostBytes, mostBoxes, version, instructionSet, threads };
         $("threads").textContent = threads > 1 ? String(threads) : `1, since ${whyOne}`;
         if ($("scene").options.length === 0) {
             for (const { name, shows } of scenes) $("scene").add(new Option(`${name}: ${shows.split(";")[0]}`, name));
@@ -259,7 +259,7 @@ const hears = {
         const heat = `what the first ray of each pixel cost, from dark to white: ${whole(top)} nodes and triangles or more`;
         const [one, many] = job.light === 0 ? ["one sample a pixel", "samples a pixel"] : ["one pass", "passes"];
         const light = `${["", "paths, ", "photons, "][job.light]}${samples === 1 ? one : `${samples} ${many}`}, ${ACCURACIES[job.accuracy]}`;
-        const most = boxes > MOST_BOXES ? `, of which the ${whole(MOST_BOXES)} largest are drawn` : "";
+        const most = boxes > about.mostBoxes ? `, of which the ${whole(about.mostBoxes)} largest are drawn` : "";
         const told = job.boxes === null ? "" : `; ${whole(boxes)} boxes at depth ${job.boxes}${most}`;
         const shows = `${job.view === 1 ? heat : light}${told}`;
         say(`${last.scene}: ${shows}`);
@@ -328,8 +328,6 @@ function forgetTrade() {
 
 /** Boxes of more nodes, of leaves, and of nothing: by colour, and by how the lines are broken. */
 const LINES = [{ colour: "#ffffffb0", dashes: [] }, { colour: "#ffd54acc", dashes: [4, 2] }, { colour: "#6fc3ff90", dashes: [1, 3] }];
-/** The compiled part gives no more of them. */
-const MOST_BOXES = 1500;
 
 /** Draws the edges of boxes over the picture; gives how many boxes there are. */
 function drawBoxes(edges) {

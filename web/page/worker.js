@@ -360,7 +360,7 @@ try {
     raw.afterCrash?.((message) => end({ message }));
     const scenes = raw.Page.builtinScenes();
     const named = scenes.filter((_, place) => place % 2 === 0).map((name, place) => ({ name, shows: scenes[2 * place + 1] }));
-    tell("ready", { scenes: named, mostBytes: raw.Page.mostBytes(), version: raw.version(), instructionSet: raw.instructionSet(), threads: part.threads, whyOne: part.why });
+    tell("ready", { scenes: named, mostBytes: raw.Page.mostBytes(), mostBoxes: raw.Page.mostBoxes(), version: raw.version(), instructionSet: raw.instructionSet(), threads: part.threads, whyOne: part.why });
 } catch (error) {
     tell("failed", { text: `the compiled part cannot be loaded: ${error.message ?? error}`, isDead: false });
 }

@@ -102,6 +102,12 @@ impl Page {
         MOST_BYTES
     }
 
+    /// The most boxes of a depth that are drawn.
+    #[wasm_bindgen(js_name = mostBoxes)]
+    pub fn most_boxes() -> usize {
+        boxes::MOST
+    }
+
     /// A built-in scene.
     pub fn builtin(name: &str) -> Result<Page, JsValue> {
         let scene = builtin::open(name);

@@ -6,7 +6,7 @@ use splitplane::core::tree::node::NodeKind;
 use splitplane::render::{Pinhole, Size};
 
 /// Most boxes that are drawn: the largest ones.
-const MOST: usize = 1500;
+pub(super) const MOST: usize = 1500;
 /// What is nearer to the eye than this part of the first point's distance is cut off.
 const NEAR: f64 = 1e-6;
 
