@@ -17,6 +17,7 @@ use splitplane_core::triangle::prepare;
 use splitplane_core::watch::Progress;
 use splitplane_cpu::{CpuBackend, InstructionSet};
 use splitplane_test_support::aim::{Aim, Kind};
+use splitplane_test_support::near;
 use splitplane_test_support::random::Random;
 use splitplane_test_support::rational;
 use splitplane_test_support::scenes::{self, Scene};
@@ -55,31 +56,6 @@ fn points(scene: &Scene, count: usize, seed: u64) -> Vec<[f32; 3]> {
         .collect()
 }
 
-/// All triangles that count, one after the other.
-fn brute_force(
-    mesh: &Mesh<'_>,
-    point: [f32; 3],
-    options: &ClosestPointOptions<'_>,
-) -> ClosestPoint {
-    let mut best = ClosestPoint::NONE;
-    if !point.iter().all(|x| x.is_finite()) {
-        return best;
-    }
-    let at = prepare(&[point; 3]).corners[0].map(f64::from);
-    let limit = f64::from(options.max_distance).powi(2);
-    for index in 0..mesh.len() {
-        let triangle = prepare(&mesh.triangle(index));
-        if !triangle.kept || options.ignore == Some(index as u32) {
-            continue;
-        }
-        let found = ClosestPoint { triangle: index as u32, ..of_triangle(at, &triangle.corners) };
-        if found.distance_squared <= limit && found.precedes(&best) {
-            best = found;
-        }
-    }
-    best
-}
-
 fn bits(found: &ClosestPoint) -> (u64, u32, [u32; 5]) {
     let [x, y, z] = found.point.map(f32::to_bits);
     let words = [x, y, z, found.u.to_bits(), found.v.to_bits()];
@@ -94,7 +70,7 @@ fn first_fault(
     answers: &[ClosestPoint],
 ) -> Option<String> {
     points.iter().zip(answers).find_map(|(&point, answer)| {
-        let expected = brute_force(mesh, point, options);
+        let expected = near::closest_point(mesh, point, options);
         (bits(&expected) != bits(answer))
             .then(|| format!("{point:?}: {answer:?} in place of {expected:?}"))
     })
@@ -126,8 +102,8 @@ fn every_path_answers_as_brute_force() {
     for (number, scene) in hostile().iter().enumerate() {
         let mesh = scene.mesh();
         let points = points(scene, many(60), number as u64);
-        let near = points_limit(&mesh);
-        let some = ClosestPointOptions { max_distance: near, ignore: Some(3), watch: None };
+        let reach = points_limit(&mesh);
+        let some = ClosestPointOptions { max_distance: reach, ignore: Some(3), watch: None };
         for preset in [Preset::Fast, Preset::Best] {
             for layout in [QueryLayout::Fast, QueryLayout::Compact] {
                 let options =
@@ -182,7 +158,7 @@ fn faults_are_found() {
     let last = (mesh.len() - 1) as u32;
     let among_equals = |answer: &mut ClosestPoint| {
         let again = ClosestPointOptions { ignore: Some(answer.triangle), ..ANY };
-        let other = brute_force(&mesh, answer.point, &again);
+        let other = near::closest_point(&mesh, answer.point, &again);
         if other.distance_squared == 0.0 {
             answer.triangle = other.triangle;
         }

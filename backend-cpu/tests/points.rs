@@ -11,43 +11,10 @@ use splitplane_core::points::tree::{Axes, BLOCK, PointTree};
 use splitplane_core::watch::Progress;
 use splitplane_cpu::{CpuPointTree, InstructionSet, KeptBytes};
 use splitplane_test_support::clouds::{clouds, queries};
+use splitplane_test_support::near::{neighbours, unit};
 use splitplane_test_support::random::Random;
 
 const KS: [usize; 5] = [1, 2, 8, 50, 400];
-
-fn size(x: f32) -> f32 {
-    if x.abs() < f32::MIN_POSITIVE { 0.0 } else { x }
-}
-
-/// The exponent of the cloud's unit, from its greatest coordinate.
-fn unit<const N: usize>(points: &[[f32; N]]) -> f64 {
-    let finite = points.iter().filter(|point| point.iter().all(|x| x.is_finite()));
-    let most = finite.flatten().fold(0.0f64, |most, &x| most.max(f64::from(x.abs())));
-    most.log2().floor().clamp(-126.0, 126.0).exp2()
-}
-
-/// All points by the stated operations, in order of (distance, index).
-fn brute<const N: usize>(points: &[[f32; N]], query: [f32; N]) -> Vec<Neighbour> {
-    if !query.iter().all(|x| x.is_finite()) {
-        return Vec::new();
-    }
-    let unit = unit(points);
-    let scaled = |x: f32| size((f64::from(size(x)) / unit) as f32);
-    let mut all: Vec<(f32, u32)> = Vec::new();
-    for (index, point) in points.iter().enumerate() {
-        if point.iter().all(|x| x.is_finite()) {
-            let squares: Vec<f32> = (0..N)
-                .map(|axis| scaled(query[axis]) - scaled(point[axis]))
-                .map(|d| size(d * d))
-                .collect();
-            all.push((squares[1..].iter().fold(squares[0], |sum, s| sum + s), index as u32));
-        }
-    }
-    all.sort_by(|a, b| a.partial_cmp(b).expect("no NaN"));
-    let record =
-        |(squared, point)| Neighbour { distance_squared: f64::from(squared) * unit * unit, point };
-    all.into_iter().map(record).collect()
-}
 
 /// The squared distances in `f64`, in order; beyond its range infinite.
 fn true_distances<const N: usize>(points: &[[f32; N]], query: [f32; N]) -> Vec<f64> {
@@ -70,7 +37,8 @@ fn judge<const N: usize>(
     answer: Answer<'_, N>,
 ) -> Result<(), String> {
     for &query in queries {
-        let (all, truth) = (brute(points, query), true_distances(points, query));
+        let (all, truth) =
+            (neighbours(points, query, f32::INFINITY), true_distances(points, query));
         let unit = unit(points);
         for k in KS {
             let found = answer(query, k);
@@ -241,7 +209,7 @@ fn radius_and_filter() {
         let by_parity: &(dyn Fn(u32) -> bool + Sync) = &odd;
         for filter in [None, Some(by_parity)] {
             for query in queries(&points, &mut random).into_iter().take(40) {
-                let all = brute(&points, query);
+                let all = neighbours(&points, query, f32::INFINITY);
                 let reach = (f64::from(radius) * f64::from(radius)) as f32;
                 let expected: Vec<Neighbour> = all
                     .into_iter()

@@ -2,10 +2,8 @@
 
 use core::ops::ControlFlow;
 
-use splitplane_core::arithmetic::snap;
 use splitplane_core::backend::scene::{
     BuiltScene, HostScene, SceneAccelerator, SceneClosestPoint, SceneClosestPointOptions,
-    closest_in_world,
 };
 use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::config::Preset;
@@ -14,9 +12,9 @@ use splitplane_core::mesh::Mesh;
 use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions};
 use splitplane_core::ray::Culling;
 use splitplane_core::scene::{IgnoredTriangle, Instance, InstanceId, Scene, translation};
-use splitplane_core::triangle::prepare;
 use splitplane_core::watch::Progress;
 use splitplane_cpu::CpuBackend;
+use splitplane_test_support::near::scene_closest_point;
 use splitplane_test_support::objects::{self, Kind};
 use splitplane_test_support::random::Random;
 use splitplane_test_support::scenes;
@@ -29,41 +27,6 @@ fn found(
     let mut closest = vec![SceneClosestPoint::NONE; points.len()];
     scene.closest_points(points, &mut closest, options).expect("closest points");
     closest
-}
-
-/// All triangles, one after the other.
-fn brute(
-    scene: &Scene,
-    point: [f32; 3],
-    options: &SceneClosestPointOptions<'_>,
-) -> SceneClosestPoint {
-    let mut best = SceneClosestPoint::NONE;
-    let limit = f64::from(options.max_distance);
-    if !point.iter().all(|x| x.is_finite()) || limit.is_nan() || limit < 0.0 {
-        return best;
-    }
-    for (name, instance) in scene.instances() {
-        if instance.mask & options.mask == 0 {
-            continue;
-        }
-        let mesh = scene.geometry(instance.geometry).unwrap().mesh();
-        for triangle in 0..mesh.len() {
-            let prepared = prepare(&mesh.triangle(triangle));
-            let ignored = IgnoredTriangle { instance: name, triangle: triangle as u32 };
-            if !prepared.kept || options.ignore == Some(ignored) {
-                continue;
-            }
-            let from = point.map(|x| f64::from(snap(x)));
-            let own = closest_in_world(from, &instance.transform, &prepared.corners);
-            let Some(mut own) = own else { continue };
-            own.triangle = triangle as u32;
-            let own = SceneClosestPoint::of(&own, instance.geometry, name);
-            if own.distance_squared <= limit * limit && own.precedes(&best) {
-                best = own;
-            }
-        }
-    }
-    best
 }
 
 /// Points on and near triangles, between objects, far away, and odd ones.
@@ -117,7 +80,7 @@ fn closest_points_are_those_of_all_triangles() {
             ] {
                 let closest = found(&*built, &points, &asked);
                 for (&point, closest) in points.iter().zip(closest) {
-                    let expected = brute(&scene, point, &asked);
+                    let expected = scene_closest_point(&scene, point, &asked);
                     assert!(closest == expected, "{kind:?} {point:?}: {closest:?}, {expected:?}");
                 }
             }
@@ -173,7 +136,7 @@ fn ties_go_to_the_least_instance() {
     let [closest] = found(&*built, &[point], &SceneClosestPointOptions::default())[..] else {
         panic!("one answer")
     };
-    assert_eq!(closest, brute(&scene, point, &SceneClosestPointOptions::default()));
+    assert_eq!(closest, scene_closest_point(&scene, point, &SceneClosestPointOptions::default()));
     assert_eq!((closest.instance, closest.geometry), (0, one.0));
     assert_eq!(SceneClosestPoint::NONE.some(), None);
     assert_eq!(SceneClosestPoint::NONE.distance(), f32::INFINITY);

@@ -16,6 +16,7 @@ pub mod grazing;
 pub mod greedy;
 pub mod judge;
 pub mod modules;
+pub mod near;
 pub mod objects;
 pub mod oracle;
 pub mod overlap;

@@ -14,14 +14,12 @@ use splitplane_core::points::build::PointOptions;
 use splitplane_core::points::nearest::{NearestOptions, Neighbour};
 use splitplane_core::points::tree::Axes;
 use splitplane_core::query::cast::{Cast, CastOptions, CastSearch, Impact};
-use splitplane_core::query::closest_point::{
-    ClosestPoint, ClosestPointOptions, of_triangle, slack,
-};
+use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions, slack};
 use splitplane_core::query::overlap::{OverlapOptions, Plane, Volume};
 use splitplane_core::ray::Ray;
 use splitplane_core::triangle::{Triangle, prepare};
 use splitplane_cpu::{CpuBackend, CpuPointTree};
-use splitplane_test_support::{overlap, rational};
+use splitplane_test_support::{near, overlap, rational};
 
 thread_local! {
     static BACKEND: CpuBackend = CpuBackend::new();
@@ -59,7 +57,7 @@ pub fn run_on(
     let Ok(tree) = BACKEND.with(|backend| backend.build(&mesh, &options)) else { return };
     let own = Own::new(&mesh, source);
     let tree = fault(tree);
-    own.closest_points(tree.as_ref(), source);
+    own.closest_points(&mesh, tree.as_ref(), source);
     own.overlaps(tree.as_ref(), source);
     own.casts(tree.as_ref(), source);
     nearest(&positions, source);
@@ -104,7 +102,7 @@ impl Own {
         }
     }
 
-    fn closest_points(&self, tree: &dyn Accelerator, source: &mut Source<'_>) {
+    fn closest_points(&self, mesh: &Mesh<'_>, tree: &dyn Accelerator, source: &mut Source<'_>) {
         let points: Vec<[f32; 3]> = (0..1 + source.below(4)).map(|_| self.point(source)).collect();
         let max_distance = if source.once_in(3) { source.number() } else { f32::INFINITY };
         let options = ClosestPointOptions { max_distance, ignore: self.ignore, watch: None };
@@ -112,7 +110,11 @@ impl Own {
         let mut found = vec![ClosestPoint { triangle: 7, ..ClosestPoint::NONE }; BATCH];
         tree.closest_points(&batch, &mut found, &options).expect("equal lengths");
         for (point, found) in batch.iter().zip(&found) {
-            assert_eq!(*found, self.closest_point(*point, &options), "{point:?} {options:?}");
+            assert_eq!(
+                *found,
+                near::closest_point(mesh, *point, &options),
+                "{point:?} {options:?}"
+            );
         }
         let is_free = max_distance == f32::INFINITY;
         for (point, found) in points.iter().zip(&found).filter(|_| is_free) {
@@ -129,24 +131,6 @@ impl Own {
                 );
             }
         }
-    }
-
-    /// By the stated operations.
-    fn closest_point(&self, point: [f32; 3], options: &ClosestPointOptions<'_>) -> ClosestPoint {
-        let limit = f64::from(options.max_distance);
-        let finite = point.iter().all(|x| x.is_finite());
-        let mut best = ClosestPoint::NONE;
-        if !finite || limit.is_nan() || limit < 0.0 {
-            return best;
-        }
-        let point = prepare(&[point; 3]).corners[0].map(f64::from);
-        for &(triangle, corners) in self.counted() {
-            let found = ClosestPoint { triangle, ..of_triangle(point, &corners) };
-            if found.distance_squared <= limit * limit && found.precedes(&best) {
-                best = found;
-            }
-        }
-        best
     }
 
     fn overlaps(&self, tree: &dyn Accelerator, source: &mut Source<'_>) {
@@ -298,7 +282,6 @@ fn nearest(points: &[[f32; 3]], source: &mut Source<'_>) {
     let axes = source.pick(&[Axes::Widest, Axes::Cycle]);
     let options = PointOptions { axes, ..PointOptions::default() };
     let tree = CpuPointTree::build(points, &options).expect("memory");
-    let unit = unit(points);
     let k = 1 + source.below(24);
     let max_distance = if source.once_in(3) { source.number() } else { f32::INFINITY };
     let odd = |point: u32| point % 2 == 1;
@@ -316,47 +299,10 @@ fn nearest(points: &[[f32; 3]], source: &mut Source<'_>) {
     let mut found = vec![Neighbour { distance_squared: -1.0, point: 7 }; BATCH * k];
     tree.nearest(&batch, &mut found, &options).expect("equal lengths");
     for (query, found) in batch.iter().zip(found.chunks(k)) {
-        let mut expected = within(points, *query, unit, &options);
+        let mut expected = near::neighbours(points, *query, max_distance);
+        expected.retain(|found| filter.is_none_or(|filter| filter(found.point)));
         assert_eq!(tree.within(*query, &options).expect("memory"), expected, "{query:?}");
         expected.resize(k.max(expected.len()), Neighbour::NONE);
         assert_eq!(found, &expected[..k], "{query:?} {options:?}");
     }
-}
-
-/// The power of two at the greatest coordinate.
-fn unit(points: &[[f32; 3]]) -> f64 {
-    let finite = points.iter().filter(|point| point.iter().all(|x| x.is_finite()));
-    let most = finite.flatten().fold(0.0f64, |most, &x| most.max(f64::from(x.abs())));
-    most.log2().floor().clamp(-126.0, 126.0).exp2()
-}
-
-/// All points near enough by the stated operations, in order of (distance, index).
-fn within(
-    points: &[[f32; 3]],
-    query: [f32; 3],
-    unit: f64,
-    options: &NearestOptions<'_>,
-) -> Vec<Neighbour> {
-    let scaled = |x: f32| snap((f64::from(snap(x)) / unit) as f32);
-    let finite = |point: &[f32; 3]| point.iter().all(|x| x.is_finite());
-    let reach = snap(scaled(options.max_distance) * scaled(options.max_distance));
-    let mut all: Vec<(f32, u32)> = Vec::new();
-    for (index, point) in points.iter().enumerate() {
-        let counts = options.filter.is_none_or(|filter| filter(index as u32));
-        if !(finite(point) && finite(&query) && counts && options.max_distance >= 0.0) {
-            continue;
-        }
-        let [x, y, z] = [0, 1, 2].map(|axis| {
-            let d = scaled(query[axis]) - scaled(point[axis]);
-            snap(d * d)
-        });
-        let squared = (x + y) + z;
-        if squared <= reach {
-            all.push((squared, index as u32));
-        }
-    }
-    all.sort_by(|a, b| a.partial_cmp(b).expect("no NaN"));
-    let record =
-        |(squared, point)| Neighbour { distance_squared: f64::from(squared) * unit * unit, point };
-    all.into_iter().map(record).collect()
 }

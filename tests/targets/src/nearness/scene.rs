@@ -3,10 +3,9 @@
 use super::{Own, is_plain};
 use crate::scene_operations::transform;
 use crate::source::Source;
-use splitplane_core::arithmetic::snap;
 use splitplane_core::backend::scene::{
     SceneAccelerator, SceneClosestPoint, SceneClosestPointOptions, SceneOverlapOptions,
-    SceneTriangle, closest_in_world,
+    SceneTriangle,
 };
 use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::mesh::Mesh;
@@ -14,7 +13,7 @@ use splitplane_core::query::overlap::Volume;
 use splitplane_core::scene::{Instance, InstanceId, Scene, Transform};
 use splitplane_core::triangle::{Triangle, prepare};
 use splitplane_cpu::CpuBackend;
-use splitplane_test_support::overlap;
+use splitplane_test_support::{near, overlap};
 
 /// Closest points and overlaps of a scene, against all triangles of all instances.
 pub(super) fn check(
@@ -36,14 +35,14 @@ pub(super) fn check(
     let built = fault(backend.build_scene(&scene, &BuildOptions::default()).expect("memory"));
     let mask = source.pick(&[u32::MAX, 1, 2]);
     instances.retain(|(_, instance)| instance.mask & mask != 0);
-    closest_points(own, built.as_ref(), &instances, mask, source);
+    closest_points(own, &scene, built.as_ref(), mask, source);
     overlaps(own, built.as_ref(), &instances, mask, source);
 }
 
 fn closest_points(
     own: &Own,
+    scene: &Scene,
     built: &dyn SceneAccelerator,
-    instances: &[(InstanceId, Instance)],
     mask: u32,
     source: &mut Source<'_>,
 ) {
@@ -52,24 +51,9 @@ fn closest_points(
     let options = SceneClosestPointOptions { max_distance, mask, ..Default::default() };
     let mut found = vec![SceneClosestPoint::NONE; points.len()];
     built.closest_points(&points, &mut found, &options).expect("equal lengths");
-    let limit = f64::from(max_distance);
     for (point, found) in points.iter().zip(&found) {
-        let mut best = SceneClosestPoint::NONE;
-        let from = point.map(|x| f64::from(snap(x)));
-        let asks = point.iter().all(|x| x.is_finite()) && limit >= 0.0;
-        for (name, instance) in instances.iter().filter(|_| asks) {
-            for (triangle, corners) in &own.triangles {
-                let Some(mut own) = closest_in_world(from, &instance.transform, corners) else {
-                    continue;
-                };
-                own.triangle = *triangle;
-                let own = SceneClosestPoint::of(&own, instance.geometry, *name);
-                if own.distance_squared <= limit * limit && own.precedes(&best) {
-                    best = own;
-                }
-            }
-        }
-        assert_eq!(*found, best, "{point:?} {options:?} {instances:?}");
+        let expected = near::scene_closest_point(scene, *point, &options);
+        assert_eq!(*found, expected, "{point:?} {options:?}");
     }
 }
 
