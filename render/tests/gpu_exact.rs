@@ -125,8 +125,8 @@ fn pictures_can_be_awaited() {
             both.scene.name
         );
         assert_eq!((found.paths, found.shadow_rays), (expected.paths, expected.shadow_rays));
-        // More often than at the end.
-        assert!(gave_way > 2 * expected.plan.waves(), "it gave way {gave_way} times");
+        // With each list of what is undecided: one of paths and one of shadow rays a wave.
+        assert!(gave_way >= 2 * expected.plan.waves(), "it gave way {gave_way} times");
         assert_eq!(renderer.pixels().expect("pixels"), pixels);
         assert_eq!(renderer.first_hits(), hits);
         redone += found.redone;

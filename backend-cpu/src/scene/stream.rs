@@ -71,10 +71,11 @@ impl<T: SceneAnswer> Compiled for SceneStream<'_, T> {
         // SAFETY: the caller's contract.
         unsafe {
             match (self.geometries.layout, all_count(self.scene, self.options)) {
-                (QueryLayout::Compact, true) => {
+                // A page loads each of these: there the layout that is chosen for its size has one.
+                (QueryLayout::Compact, true) if !cfg!(target_family = "wasm") => {
                     S::call(Flying::<T, IndexedLeaves<'_>, EveryHit>::new(self))
                 }
-                (QueryLayout::Compact, false) => {
+                (QueryLayout::Compact, _) => {
                     S::call(Flying::<T, IndexedLeaves<'_>, KeptHits>::new(self))
                 }
                 (_, true) => S::call(Flying::<T, PackedLeaves<'_>, EveryHit>::new(self)),

@@ -43,6 +43,17 @@ impl Awaited {
         Wait::Yielding.pause(std::time::Duration::ZERO, &Bell::default()).await
     }
 
+    /// Gives way to others once, however fast the device is.
+    ///
+    /// # Errors
+    /// As for [`Awaited::pause`].
+    pub async fn give_way(&self) -> Result<(), GpuError> {
+        self.gpu.check()?;
+        let rung = Bell::default();
+        rung.ring();
+        Wait::Yielding.pause(std::time::Duration::ZERO, &rung).await
+    }
+
     /// Waits until it is known how all that was done since the work began went.
     ///
     /// # Errors

@@ -569,6 +569,10 @@ impl Gpu {
         })?;
         if wait.blocks() {
             self.wait()?;
+        } else {
+            // Others have their turn with every read, however fast the device is.
+            self.poll()?;
+            wait.pause(POLL_PAUSE, &bell).await?;
         }
         // The callback comes with the last submission that uses the buffer. That may be one of the
         // host's own, or another thread that polls may be about to call back.

@@ -53,7 +53,8 @@ impl Wait {
         }
     }
 
-    /// Lets some time pass: about `time` where it blocks, and otherwise until the bell is rung or the next tick.
+    /// Lets some time pass: about `time` where it blocks, and otherwise until the bell is rung or the next tick. It gives way
+    /// also where the bell was rung before: an executor has others to serve.
     ///
     /// # Errors
     /// [`GpuError::CannotBlock`].
@@ -64,11 +65,18 @@ impl Wait {
             Wait::Blocking => std::thread::sleep(time),
             Wait::Yielding => {
                 let mut tick = pin!(tick());
+                let (mut rung, mut gave_way) = (false, false);
                 let next = |context: &mut Context<'_>| {
-                    if bell.rings(context.waker()) {
+                    rung = rung || bell.rings(context.waker());
+                    if !rung {
+                        gave_way = true;
+                        return tick.as_mut().poll(context);
+                    }
+                    if std::mem::replace(&mut gave_way, true) {
                         return Poll::Ready(());
                     }
-                    tick.as_mut().poll(context)
+                    context.waker().wake_by_ref();
+                    Poll::Pending
                 };
                 std::future::poll_fn(next).await;
             }
@@ -136,6 +144,18 @@ mod tests {
         // Rung between two waits, it ends the next one, and that one only.
         assert!(bell.rings(&waker));
         assert!(!bell.rings(&waker));
+    }
+
+    #[test]
+    fn a_bell_that_was_rung_before_does_not_keep_the_thread() {
+        let (bell, woken) = (Bell::default(), Arc::new(Woken::default()));
+        let waker = Waker::from(Arc::clone(&woken));
+        let mut context = Context::from_waker(&waker);
+        bell.ring();
+        let mut pause = pin!(Wait::Yielding.pause(Duration::ZERO, &bell));
+        assert!(pause.as_mut().poll(&mut context).is_pending());
+        assert_eq!(woken.0.load(std::sync::atomic::Ordering::Relaxed), 1);
+        assert!(matches!(pause.as_mut().poll(&mut context), Poll::Ready(Ok(()))));
     }
 
     #[derive(Default)]

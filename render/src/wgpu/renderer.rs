@@ -490,6 +490,7 @@ impl WgpuRenderer {
 
     async fn wait_for_end(&mut self, awaited: &mut Awaited) -> Result<FrameStats, RenderError> {
         let mut submissions = self.pending.as_ref().map_or(0, |pending| pending.submissions);
+        awaited.give_way().await?;
         loop {
             if let Some(stats) = self.poll()? {
                 awaited.settle().await?;
