@@ -29,7 +29,8 @@ export interface ThreadsOptions {
     /** Where the compiled part for threads is, if not beside the package; as for `init`. */
     source?: Parameters<typeof init>[0];
     /**
-     * Most bytes of the shared memory, 32 MiB to 4 GiB: browsers set that much address space aside, and on phones may refuse it. 4 GiB if left out.
+     * Most bytes of the shared memory, 32 MiB to 4 GiB: browsers set that much address space aside, and on phones may refuse it. If left out, 4 GiB, or
+     * half of what was refused, again and again.
      */
     maxMemory?: number;
 }
@@ -221,6 +222,7 @@ export class Tree {
     windingsAsync(points: Floats, options: LocateOptions & Into): Promise<WasmArray>;
     /** 1 for each point inside or on a closed surface. */
     contains(points: Floats, options?: LocateOptions): Uint8Array;
+    containsAsync(points: Floats, options?: LocateOptions): Promise<Uint8Array>;
     /** `into`: 8 words a point, the squared distance (a double), x, y, z, triangle, u, v. */
     closestPoints(points: Floats, options?: ClosestPointOptions): ClosestPoints;
     closestPoints(points: Floats, options: ClosestPointOptions & Into): WasmArray;

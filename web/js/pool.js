@@ -72,11 +72,15 @@ function begin(worker, told, ended) {
     });
 }
 
+/** Memory of at most `maxMemory` bytes; without that, of the most for which there is room here: a phone has no 4 GiB of addresses to spare. */
 function sharedMemory(maxMemory) {
-    try {
-        return new WebAssembly.Memory({ initial: FIRST_PAGES, maximum: Math.floor(maxMemory / PAGE), shared: true });
-    } catch (error) {
-        throw refused(`there is no shared memory of ${maxMemory} bytes (${error.message}); try a smaller maxMemory`, error);
+    for (let most = maxMemory ?? MOST_MEMORY; ; most /= 2) {
+        try {
+            return new WebAssembly.Memory({ initial: FIRST_PAGES, maximum: Math.floor(most / PAGE), shared: true });
+        } catch (error) {
+            if (maxMemory === undefined && most > LEAST_MEMORY) continue;
+            throw refused(`there is no shared memory of ${most} bytes (${error.message}); try a smaller maxMemory`, error);
+        }
     }
 }
 
@@ -112,7 +116,7 @@ async function loadShared(raw, source, maxMemory) {
  * Loads a compiled part for `threads` threads, of which this is one: its memory, and what ends all others. `spawn` starts a worker, which calls
  * `runThread`; `ended` is called with a text when one has ended.
  */
-export async function startPool(raw, { threads, source, maxMemory = MOST_MEMORY, spawn, ended }) {
+export async function startPool(raw, { threads, source, maxMemory, spawn, ended }) {
     const workers = [];
     const end = () => {
         for (const worker of workers.splice(0)) worker.end();

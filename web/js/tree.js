@@ -17,6 +17,12 @@ function built(positions, indices, given, make) {
     );
 }
 
+function refuseInto(given) {
+    if (options(given).into !== undefined) throw new SplitplaneError("config", "contains has no `into`; windings has");
+}
+
+const inside = ({ winding, boundary }) => Uint8Array.from(winding, (number, place) => Number(number !== 0 || boundary[place] !== 0));
+
 /** A tree over a mesh; see index.d.ts. */
 export class Tree {
     #own;
@@ -115,9 +121,13 @@ export class Tree {
     }
 
     contains(points, given) {
-        if (options(given).into !== undefined) throw new SplitplaneError("config", "contains has no `into`; windings has");
-        const { winding, boundary } = this.windings(points, given);
-        return Uint8Array.from(winding, (number, place) => Number(number !== 0 || boundary[place] !== 0));
+        refuseInto(given);
+        return inside(this.windings(points, given));
+    }
+
+    async containsAsync(points, given) {
+        refuseInto(given);
+        return inside(await this.windingsAsync(points, given));
     }
 
     closestPoints(points, given) {

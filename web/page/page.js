@@ -93,14 +93,14 @@ function inUri(file) {
     });
 }
 
-/** A .gltf file with what it names inside: a page cannot read files by their names. */
+/** A .gltf file with what it names inside: the worker cannot read files by their names. */
 async function wholeGltf(file, others) {
     let root;
     try {
         root = JSON.parse(await file.text());
     } catch {
         // The reader says where it is broken.
-        return file.arrayBuffer();
+        return file;
     }
     for (const one of [...(root?.buffers ?? []), ...(root?.images ?? [])]) {
         if (typeof one?.uri !== "string" || one.uri.startsWith("data:")) continue;
@@ -108,7 +108,7 @@ async function wholeGltf(file, others) {
         if (found === undefined) throw new Error(`it names ${one.uri}; choose that file together with it`);
         one.uri = await inUri(found);
     }
-    return new TextEncoder().encode(JSON.stringify(root)).buffer;
+    return new Blob([JSON.stringify(root)]);
 }
 
 const SCENES = /\.(glb|gltf|obj|ply|stl)$/i;
@@ -127,8 +127,8 @@ async function openFiles(files) {
     try {
         say(`Reading ${file.name}…`);
         const others = all.filter((other) => other !== file);
-        const isText = /\.gltf$/i.test(file.name);
-        const read = await (isText ? wholeGltf(file, others) : file.arrayBuffer());
+        // The worker reads it, so that the page holds no copy of its bytes.
+        const read = /\.gltf$/i.test(file.name) ? await wholeGltf(file, others) : file;
         if (own === choices) open({ file: read, name: file.name });
     } catch (error) {
         if (own === choices) complain(`${file.name} cannot be read: ${error.message}`);

@@ -25,6 +25,8 @@ let pace = { cpu: null, gpu: null };
 const gpu = { isOn: false, device: null, ends: null, isReady: false, why: null };
 /** A promise while something is timed: pictures wait for it. */
 let timing = null;
+/** What was asked for while its file is being read. */
+let opening = null;
 /** The preset of the CPU's tree, which the GPU's has to have, too. */
 let builtBy = null;
 /** Counts what is wanted, so that work in the background sees that it is out of date. */
@@ -145,14 +147,21 @@ function timed(work) {
     return [performance.now() - since, done];
 }
 
-function open({ builtin, file, name }) {
-    page?.free();
-    page = null;
-    if (builtin !== undefined) return raw.Page.builtin(builtin);
-    const words = new raw.Words(Math.ceil(file.byteLength / 4));
+/** The bytes of the file that is to be opened, or why it cannot be read; nothing for a built-in scene. */
+async function read({ file, name }) {
     try {
-        new Uint8Array(memory.buffer, words.pointer(), file.byteLength).set(new Uint8Array(file));
-        return raw.Page.read(words, file.byteLength, name);
+        return await file?.arrayBuffer();
+    } catch (error) {
+        return new Error(`${name} cannot be read: ${error.message}`);
+    }
+}
+
+function open({ builtin, name }, bytes) {
+    if (builtin !== undefined) return raw.Page.builtin(builtin);
+    const words = new raw.Words(Math.ceil(bytes.byteLength / 4));
+    try {
+        new Uint8Array(memory.buffer, words.pointer(), bytes.byteLength).set(new Uint8Array(bytes));
+        return raw.Page.read(words, bytes.byteLength, name);
     } finally {
         words.free();
     }
@@ -276,18 +285,28 @@ const does = {
         gpu.isOn = isOn;
         return buildOnGpu();
     },
-    open(message) {
+    async open(message) {
         gpu.ends?.abort();
         [wanted, turn] = [null, turn + 1];
         gpu.isReady = false;
-        const [took, opened] = timed(() => open(message));
+        // Its memory is for the next one.
+        page?.free();
+        page = null;
+        opening = message;
+        const bytes = await read(message);
+        // Something else was chosen while the file was read.
+        if (opening !== message) return;
+        opening = null;
+        if (bytes instanceof Error) throw bytes;
+        const [took, opened] = timed(() => open(message, bytes));
         page = opened;
         pace = { cpu: null, gpu: null };
         tell("opened", { name: message.name, took, triangles: page.triangles(), notes: page.notes() });
         build(message.preset, message.aspect);
-        return buildOnGpu();
+        await buildOnGpu();
     },
     build({ preset, aspect }) {
+        if (opening !== null) opening.preset = preset;
         if (page === null) return;
         [wanted, turn] = [null, turn + 1];
         build(preset, aspect);
@@ -331,7 +350,10 @@ let isOver = false;
 function end(error) {
     if (isOver) return;
     isOver = true;
-    tell("failed", { text: `The compiled part has ended (${error.message ?? error}).`, isDead: true });
+    // Much memory is most often why.
+    const held = Math.round((memory?.buffer.byteLength ?? 0) / 2 ** 20);
+    const much = held > 1024 ? ` when it had ${held.toLocaleString("en")} MiB of memory, of 4,096 at most` : "";
+    tell("failed", { text: `The compiled part has ended${much} (${error.message ?? error}).`, isDead: true });
 }
 
 // A trap in the middle of a promise is told to nobody else.

@@ -2,7 +2,7 @@
 // security policy, on a phone and by keyboard. Usage: browser.mjs TOOLS [SCREENSHOTS]
 
 import assert from "node:assert/strict";
-import { mkdirSync, readFileSync, writeFileSync } from "node:fs";
+import { mkdirSync, readFileSync, truncateSync, unlinkSync, writeFileSync } from "node:fs";
 import path from "node:path";
 
 import { difference } from "./answers.mjs";
@@ -287,7 +287,6 @@ try {
         }
         const large = path.join(shots, "large.obj");
         writeFileSync(large, "");
-        const { truncateSync, unlinkSync } = await import("node:fs");
         truncateSync(large, 500_000_000);
         await page.setInputFiles("#file", large);
         await page.waitForFunction(() => /500,000,000 bytes/.test(window.problem ?? ""));
@@ -297,6 +296,23 @@ try {
         assert.equal((await shown(page, { scene: "spheres" })).scene, "spheres");
         assert.equal(await page.isVisible("#error"), false);
         await page.screenshot({ path: path.join(shots, "spheres.png"), fullPage: true });
+    });
+
+    await step("a file of the most bytes that are read: 8 million triangles, each of them a point", async () => {
+        const most = 384 * 1024 * 1024;
+        const file = path.join(shots, "points.stl");
+        const head = Buffer.alloc(84);
+        const triangles = Math.floor((most - head.length) / 50);
+        head.writeUInt32LE(triangles, 80);
+        writeFileSync(file, head);
+        // All other bytes are zero.
+        truncateSync(file, head.length + 50 * triangles);
+        await page.setInputFiles("#file", file);
+        const found = await shown(page, { scene: "points.stl" });
+        unlinkSync(file);
+        assert.equal(found.triangles, triangles, found);
+        await page.selectOption("#scene", "cornell");
+        await shown(page, { scene: "cornell" });
     });
 
     await step("another tree can be chosen while one is built", async () => {
@@ -312,6 +328,28 @@ try {
         await page.selectOption("#preset", "fast");
         await page.selectOption("#scene", "spheres");
         await shown(page, { scene: "spheres", preset: "fast" });
+    });
+
+    await step("a worker that ends is said to have ended, and another one goes on", async () => {
+        const plant = async (route) => {
+            const response = await route.fetch();
+            const text = await response.text();
+            const body = text.replace("builtBy = preset;", 'if (preset === "best") throw new WebAssembly.RuntimeError("planted");');
+            assert.notEqual(body, text);
+            await route.fulfill({ response, body });
+        };
+        const own = await browser.newPage();
+        await own.route("**/worker.js", plant, { times: 1 });
+        await own.goto(`${root}/target/page/index.html?scene=cornell`);
+        await shown(own, { scene: "cornell" });
+        await own.selectOption("#preset", "best");
+        await own.waitForFunction(() => window.problem);
+        assert.match(await own.textContent("#error"), /has ended \(planted\)/);
+        await own.waitForFunction(() => document.getElementById("status").textContent === "Choose another scene.");
+        await own.selectOption("#scene", "spheres");
+        assert.equal((await shown(own, { scene: "spheres", preset: "best" })).preset, "best");
+        assert.equal(await own.isVisible("#error"), false);
+        await own.close();
     });
 
     await step("without WebGPU the page says so, and goes on", async () => {

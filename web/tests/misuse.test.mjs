@@ -141,7 +141,7 @@ test("what an object's own progress callback cannot do to it ends in an error", 
     for (const one of [tree, asked, scene]) one.free();
 });
 
-test("views that have ended are refused, and those of the module's own memory are read", () => {
+test("views that have ended are refused, and those of the module's own memory are read", async () => {
     const tree = make();
     const asked = rays(50, 1);
     const wanted = tree.closestHits(asked);
@@ -162,6 +162,7 @@ test("views that have ended are refused, and those of the module's own memory ar
     structuredClone(given, { transfer: [given.buffer] });
     assert.throws(() => tree.closestHits(given), { code: "type", message: /a view that has ended/ });
     assert.throws(() => tree.contains(new Float32Array(3), { into: kept }), { code: "config" });
+    await assert.rejects(tree.containsAsync(new Float32Array(3), { into: kept }), { code: "config" });
     for (const one of [tree, kept, large, ...more]) one.free();
 });
 
@@ -176,6 +177,10 @@ test("asynchronous batches answer the same, let others run, and can be aborted",
     const found = await tree.closestHitsAsync(asked, { progress: (stage, done, total) => void seen.push([stage, done, total]) });
     clearInterval(timer);
     assert.deepEqual(found, wanted);
+    const points = rays(400, 1).filter((_, place) => place % 8 < 3);
+    const inside = await tree.containsAsync(points);
+    assert.deepEqual(inside, tree.contains(points));
+    assert.ok(inside.includes(0) && inside.includes(1));
     assert.ok(turns > 3, `the event loop had ${turns} turns`);
     assert.deepEqual(seen[0], ["rays", 0, 400_000]);
     assert.deepEqual(seen.at(-1), ["rays", 400_000, 400_000]);

@@ -82,6 +82,14 @@ test("a thread that traps ends the call that waits for it, and those after it", 
     assert.equal(isAlive, true);
 });
 
+test("where there is no room for all the memory that could be had, less of it does", { skip }, () => {
+    const { refused, threads, digest } = program("threads-little.mjs");
+    assert.equal(refused.code, "threads");
+    assert.match(refused.text, /no shared memory of 2147483648 bytes/);
+    assert.equal(threads, 2);
+    assert.match(digest, /^[0-9a-f]{16}$/);
+});
+
 test("memory that runs out is an error, whichever thread asks for it", { skip }, () => {
     const { codes } = program("threads-memory.mjs");
     assert.ok(codes.includes(null), "small meshes fit");
