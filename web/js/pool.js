@@ -72,14 +72,18 @@ function begin(worker, told, ended) {
     });
 }
 
-/** Memory of at most `maxMemory` bytes; without that, of the most for which there is room here: a phone has no 4 GiB of addresses to spare. */
-function sharedMemory(maxMemory) {
+/**
+ * Memory of at most `maxMemory` bytes; without that, of the most for which there is room here, and of no fewer than `least`: a phone has no 4 GiB of
+ * addresses to spare.
+ */
+function sharedMemory(maxMemory, least) {
     for (let most = maxMemory ?? MOST_MEMORY; ; most /= 2) {
         try {
-            return new WebAssembly.Memory({ initial: FIRST_PAGES, maximum: Math.floor(most / PAGE), shared: true });
+            return { memory: new WebAssembly.Memory({ initial: FIRST_PAGES, maximum: Math.floor(most / PAGE), shared: true }), most };
         } catch (error) {
-            if (maxMemory === undefined && most > LEAST_MEMORY) continue;
-            throw refused(`there is no shared memory of ${most} bytes (${error.message}); try a smaller maxMemory`, error);
+            if (maxMemory === undefined && most / 2 >= least) continue;
+            const advice = maxMemory === undefined ? "" : "; try a smaller maxMemory";
+            throw refused(`there is no shared memory of ${most} bytes (${error.message})${advice}`, error);
         }
     }
 }
@@ -95,28 +99,31 @@ async function compiled(source) {
     return isWasm ? WebAssembly.compileStreaming(given) : WebAssembly.compile(await given.arrayBuffer());
 }
 
-/** The memory and module of parts that are loaded: what goes wrong after that may be tried again, but a part is loaded once. */
+/** The memory, the most bytes of it, and the module of parts that are loaded: what goes wrong after that may be tried again, but a part is loaded once. */
 const loaded = new WeakMap();
 
-async function loadShared(raw, source, maxMemory) {
+async function loadShared(raw, { source, maxMemory, least = LEAST_MEMORY }) {
     const before = loaded.get(raw);
-    if (before !== undefined) return before;
-    const memory = sharedMemory(maxMemory);
+    if (before !== undefined) {
+        if (maxMemory === undefined || maxMemory === before.most) return before;
+        throw new SplitplaneError("config", `maxMemory is ${maxMemory}, but the compiled part was loaded before, with ${before.most} bytes at most`);
+    }
+    const { memory, most } = sharedMemory(maxMemory, least);
     try {
         const module = await compiled(source);
         await raw.default({ module_or_path: module, memory });
-        loaded.set(raw, { module, memory });
-        return { module, memory };
+        loaded.set(raw, { module, memory, most });
+        return { module, memory, most };
     } catch (error) {
         throw new SplitplaneError("not-ready", `the compiled part for threads cannot be loaded: ${error.message ?? error}`, { cause: error });
     }
 }
 
 /**
- * Loads a compiled part for `threads` threads, of which this is one: its memory, and what ends all others. `spawn` starts a worker, which calls
+ * Loads a compiled part for `threads` threads, of which this is one: its memory, the most bytes of that, and what ends all others. `spawn` starts a worker, which calls
  * `runThread`; `ended` is called with a text when one has ended.
  */
-export async function startPool(raw, { threads, source, maxMemory, spawn, ended }) {
+export async function startPool(raw, { threads, spawn, ended, ...asked }) {
     const workers = [];
     const end = () => {
         for (const worker of workers.splice(0)) worker.end();
@@ -126,12 +133,12 @@ export async function startPool(raw, { threads, source, maxMemory, spawn, ended 
         if (isOn) ended(text);
     };
     try {
-        const told = await loadShared(raw, source, maxMemory);
+        const { most, ...told } = await loadShared(raw, asked);
         for (let i = 1; i < threads; i += 1) workers.push(spawn());
         await Promise.all(workers.map((worker) => begin(worker, told, hears)));
         raw.beginThreads(threads);
         isOn = true;
-        return { memory: told.memory, end };
+        return { memory: told.memory, most, end };
     } catch (error) {
         end();
         throw error instanceof SplitplaneError ? error : refused(error.message ?? error, error);

@@ -21,7 +21,12 @@ function refuseInto(given) {
     if (options(given).into !== undefined) throw new SplitplaneError("config", "contains has no `into`; windings has");
 }
 
-const inside = ({ winding, boundary }) => Uint8Array.from(winding, (number, place) => Number(number !== 0 || boundary[place] !== 0));
+/** 1 for each point that the surface winds around, or that lies on it. */
+function inside({ winding, boundary }) {
+    const out = new Uint8Array(winding.length);
+    for (let i = 0; i < out.length; i += 1) out[i] = Number(winding[i] !== 0 || boundary[i] !== 0);
+    return out;
+}
 
 /** A tree over a mesh; see index.d.ts. */
 export class Tree {

@@ -19,7 +19,16 @@ let isReady = false;
 let withGpu = false;
 let comesBack = false;
 /** Counts what the visitor has chosen to open: a file that is still being read gives way to what comes after it. */
+let wishes = 0;
+/** Counts the scenes and trees that the worker was asked for: what it tells of an earlier one is out of date. */
 let choices = 0;
+/** Whether the worker is there; since when it has been at a scene or tree, `null` when it is not. */
+let hasWorker = false;
+let busySince = null;
+/** Work that has taken longer than this gives way to the next choice by the end of its worker, in milliseconds. */
+const TOO_LONG = 1000;
+/** What is measured: the scene and its tree, as they were when that began. */
+let measuring = null;
 /** The depth of the boxes, as the visitor has chosen it. */
 let wantedDepth = 4;
 
@@ -46,6 +55,8 @@ function chosen(name) {
     return Number(document.querySelector(`input[name="${name}"]:checked`).value);
 }
 
+const chosenBackend = () => document.querySelector('input[name="backend"]:checked').value;
+
 const chosenBy = () => document.querySelector('input[name="by"]:checked').value;
 
 function job() {
@@ -69,15 +80,35 @@ function draw() {
     if (isReady) worker.postMessage({ do: "draw", job: job() });
 }
 
+/** Nothing is shown of what was there before. */
+function forget() {
+    isReady = false;
+    offerGpu(false);
+    for (const id of ["measure", "parity"]) $(id).disabled = true;
+    for (const id of ["triangles", "read", "built", "digest", "gpu-built", "gpu-digest"]) $(id).textContent = "–";
+    if (last.gpu) $("gpu").textContent = "";
+}
+
+/** Has the worker do the work of a choice; one that has been at another for long is ended, and the next one opens what is wanted by then. */
+function ask(message) {
+    if (busySince !== null && performance.now() - busySince > TOO_LONG) {
+        comesBack = true;
+        begin();
+        return;
+    }
+    choices += 1;
+    busySince ??= performance.now();
+    worker.postMessage({ ...message, choice: choices, preset: $("preset").value, aspect: 1.6 });
+}
+
 function open(what) {
     complain(null);
-    isReady = false;
-    for (const id of ["measure", "parity"]) $(id).disabled = true;
+    forget();
     opened = what;
     // With a file no built-in scene is shown any more, so that each of them can be chosen.
     if (what.builtin === undefined) $("scene").selectedIndex = -1;
     say(`Opening ${what.name}…`);
-    worker.postMessage({ do: "open", ...what, preset: $("preset").value, aspect: 1.6 });
+    ask({ do: "open", ...what });
 }
 
 /** The name that a URI of a .gltf file has among the files that came with it. */
@@ -102,11 +133,17 @@ async function wholeGltf(file, others) {
         // The reader says where it is broken.
         return file;
     }
-    for (const one of [...(root?.buffers ?? []), ...(root?.images ?? [])]) {
+    // As text bytes take a third more, and those that are named twice are there twice.
+    let bytes = file.size;
+    const uris = new Map();
+    for (const one of [root?.buffers, root?.images].flatMap((list) => (Array.isArray(list) ? list : []))) {
         if (typeof one?.uri !== "string" || one.uri.startsWith("data:")) continue;
         const found = others.find(({ name }) => name === nameOf(one.uri));
         if (found === undefined) throw new Error(`it names ${one.uri}; choose that file together with it`);
-        one.uri = await inUri(found);
+        bytes += 4 * Math.ceil(found.size / 3);
+        if (bytes > about.mostBytes) throw new Error(`with what it names it takes more than the ${whole(about.mostBytes)} bytes that this page reads, as text`);
+        if (!uris.has(found)) uris.set(found, await inUri(found));
+        one.uri = uris.get(found);
     }
     return new Blob([JSON.stringify(root)]);
 }
@@ -115,13 +152,14 @@ const SCENES = /\.(glb|gltf|obj|ply|stl)$/i;
 
 async function openFiles(files) {
     complain(null);
-    choices += 1;
-    const own = choices;
+    wishes += 1;
+    const own = wishes;
     const all = [...files];
     const file = all.find(({ name }) => SCENES.test(name)) ?? all[0];
     const bytes = all.reduce((sum, { size }) => sum + size, 0);
     if (bytes > about.mostBytes) {
         complain(`${file.name} has ${whole(bytes)} bytes; ${whole(about.mostBytes)} are the most that this page reads.`);
+        say("That file was not opened.");
         return;
     }
     try {
@@ -129,15 +167,17 @@ async function openFiles(files) {
         const others = all.filter((other) => other !== file);
         // The worker reads it, so that the page holds no copy of its bytes.
         const read = /\.gltf$/i.test(file.name) ? await wholeGltf(file, others) : file;
-        if (own === choices) open({ file: read, name: file.name });
+        if (own === wishes) open({ file: read, name: file.name });
     } catch (error) {
-        if (own === choices) complain(`${file.name} cannot be read: ${error.message}`);
+        if (own !== wishes) return;
+        complain(`${file.name} cannot be read: ${error.message}`);
+        say("That file was not opened.");
     }
 }
 
 function openBuiltin() {
     const name = $("scene").value;
-    choices += 1;
+    wishes += 1;
     $("file").value = "";
     open({ builtin: name, name });
 }
@@ -152,7 +192,7 @@ function offerGpu(isThere) {
 
 /** Has the tree built on the GPU too, or no longer. */
 function chooseBackend() {
-    const isOn = document.querySelector('input[name="backend"]:checked').value === "gpu";
+    const isOn = chosenBackend() === "gpu";
     for (const id of ["gpu-built", "gpu-digest"]) $(id).textContent = "–";
     offerGpu(false);
     $("gpu").textContent = isOn ? "Looking for a GPU…" : "";
@@ -203,6 +243,7 @@ const hears = {
         document.querySelector(`input[name="backend"][value="${withGpu ? "gpu" : "cpu"}"]`).checked = true;
         $("again").hidden = true;
         offerGpu(false);
+        hasWorker = true;
         for (const id of ["scene", "file"]) $(id).disabled = false;
         if (withGpu) worker.postMessage({ do: "gpu", isOn: true });
         if (opened === null) openBuiltin();
@@ -220,6 +261,7 @@ const hears = {
         say(`Building the tree: ${stage}${total > 0 ? `, ${Math.round((100 * done) / total)} %` : ""}`, true);
     },
     built({ preset, took, digest, nodes, references, bytes, deepest }) {
+        busySince = null;
         $("boxes").max = deepest;
         // A shallow tree does not change what is wanted of the next one.
         $("boxes").value = wantedDepth;
@@ -278,7 +320,7 @@ const hears = {
     },
     measured({ width, height, frames: rows, onGpu }) {
         const row = {
-            ...last,
+            ...measuring,
             date: new Date().toISOString().slice(0, 10),
             version: about.version,
             instructionSet: about.instructionSet,
@@ -295,7 +337,7 @@ const hears = {
             row.gpu = { ...row.gpu, ...onGpu };
             row.parityRow = parityRow(row);
         }
-        const name = `splitplane-${last.scene.replace(/[^a-z0-9.-]+/gi, "-")}`;
+        const name = `splitplane-${row.scene.replace(/[^a-z0-9.-]+/gi, "-")}`;
         if (savesParity && row.parityRow) save(`${name}-parity.md`, `${row.parityRow}\n`, "text/markdown");
         else save(`${name}.json`, `${JSON.stringify(row)}\n`, "application/json");
         window.measured = row;
@@ -305,11 +347,15 @@ const hears = {
         draw();
     },
     failed({ text, isDead }) {
+        busySince = null;
         complain(text);
         say("There is no picture of that.");
         // Any scene can be chosen then, the one before too.
         if (isReady) $("measure").disabled = false;
-        else $("scene").selectedIndex = -1;
+        else {
+            $("scene").selectedIndex = -1;
+            if (chosenBackend() === "gpu") $("gpu").textContent = "";
+        }
         if (!isDead) return;
         withGpu = false;
         begin();
@@ -380,6 +426,7 @@ let savesParity = false;
 
 function measure(isParity) {
     savesParity = isParity;
+    measuring = structuredClone(last);
     for (const id of ["measure", "parity"]) $(id).disabled = true;
     say("Measuring…");
     worker.postMessage({ do: "measure", job: job() });
@@ -388,9 +435,13 @@ function measure(isParity) {
 /** Starts a worker, in the place of one that has ended. */
 function begin() {
     worker?.terminate();
-    isReady = false;
+    [isReady, hasWorker, busySince] = [false, false, null];
+    for (const id of ["scene", "file"]) $(id).disabled = true;
     worker = new Worker(withGpu ? "worker.js?gpu" : "worker.js", { type: "module" });
-    worker.onmessage = ({ data }) => hears[data.kind](data);
+    worker.onmessage = ({ data }) => {
+        // Before the first choice comes whether there is a worker at all.
+        if (data.choice === choices || data.choice === 0 || data.isDead) hears[data.kind](data);
+    };
     worker.onerror = (event) => {
         complain(`The worker has ended: ${event.message ?? "it could not be loaded"}. Load the page anew.`);
         say("There is no picture.");
@@ -451,13 +502,15 @@ canvas.addEventListener("keydown", (event) => {
 // Settings.
 $("settings").addEventListener("submit", (event) => event.preventDefault());
 $("scene").addEventListener("change", openBuiltin);
+// The same file can be chosen again: it may have been mended.
+$("file").addEventListener("click", () => ($("file").value = ""));
 $("file").addEventListener("change", () => $("file").files.length > 0 && openFiles($("file").files));
 $("preset").addEventListener("change", () => {
-    if (opened === null) return;
+    if (opened === null || !hasWorker) return;
     // Also while another tree is built, or after one could not be: the worker does one after the other.
     isReady = false;
     for (const id of ["measure", "parity"]) $(id).disabled = true;
-    worker.postMessage({ do: "build", preset: $("preset").value, aspect: 1.6 });
+    ask({ do: "build" });
 });
 $("depth").addEventListener("input", () => {
     $("depth-told").value = $("depth").value;
@@ -501,7 +554,7 @@ addEventListener("drop", (event) => {
     event.preventDefault();
     document.body.classList.remove("dropping");
     const { files } = event.dataTransfer;
-    if (files.length > 0 && about !== null) openFiles(files);
+    if (files.length > 0 && hasWorker) openFiles(files);
 });
 
 let waiting = null;

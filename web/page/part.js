@@ -1,6 +1,9 @@
 // The page's compiled part: that of several threads where there can be some, or that of one, which has WebGPU.
 
-import { startPool, threadsHere, webWorker, whyNot } from "./pool.js";
+import { MOST_MEMORY, startPool, threadsHere, webWorker, whyNot } from "./pool.js";
+
+/** With less shared memory than this, in bytes, the part of one thread is the better one: its memory grows as long as there is some. */
+const ENOUGH = 2 ** 30;
 
 const spawn = () => webWorker(new Worker(new URL("./thread.js", import.meta.url), { type: "module" }));
 
@@ -11,12 +14,12 @@ async function loadShared(ended) {
     if (raw.missing !== undefined) throw new Error(raw.missing);
     const threads = threadsHere();
     const source = new URL("./pkg/threads/splitplane_threads_bg.wasm", import.meta.url);
-    const { memory } = await startPool(raw, { threads, source, spawn, ended });
-    return { raw, memory, threads, why: null };
+    const { memory, most } = await startPool(raw, { threads, source, least: ENOUGH, spawn, ended });
+    return { raw, memory, mostMemory: most, threads, why: null };
 }
 
 /**
- * Loads one of them: it, its memory, its number of threads, and why that is 1. `ended` is called with a text when a thread has ended before its
+ * Loads one of them: it, its memory and the most bytes of that, its number of threads, and why that is 1. `ended` is called with a text when a thread has ended before its
  * time.
  */
 export async function loadPart(isForGpu, ended) {
@@ -30,5 +33,5 @@ export async function loadPart(isForGpu, ended) {
     }
     const raw = await import("./pkg/splitplane.js");
     const { memory } = await raw.default();
-    return { raw, memory, threads: 1, why };
+    return { raw, memory, mostMemory: MOST_MEMORY, threads: 1, why };
 }

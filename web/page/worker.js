@@ -2,6 +2,8 @@
 
 import { loadPart } from "./part.js";
 
+/** Bytes of a file that are read at a time. */
+const SLICE = 1 << 22;
 /** Sides of the squares that a pixel of each picture fills, until the last one. */
 const SQUARES = [8, 4, 2, 1];
 /** A picture that takes longer than this is not begun with, in milliseconds. */
@@ -10,9 +12,13 @@ const AT_ONCE = 60;
 const PATIENCE = 300;
 const [WATERTIGHT, EXACT] = [1, 2];
 
-/** The compiled part and its memory. Only the part of one thread has WebGPU: the page asks for it by the name of this worker. */
+/**
+ * The compiled part, its memory, and the most bytes that this can have. Only the part of one thread has WebGPU: the page asks for it by the name of
+ * this worker.
+ */
 let raw = null;
 let memory = null;
+let mostMemory = 0;
 let page = null;
 /** What is to be shown; `null` when nothing is, or all is shown. */
 let wanted = null;
@@ -32,7 +38,10 @@ let builtBy = null;
 /** Counts what is wanted, so that work in the background sees that it is out of date. */
 let turn = 0;
 
-const tell = (kind, told, transfer = []) => postMessage({ kind, ...told }, transfer);
+/** The number of the page's last choice of a scene or tree: what is told of an earlier one is out of date. */
+let choice = 0;
+
+const tell = (kind, told, transfer = []) => postMessage({ kind, choice, ...told }, transfer);
 
 /** The event loop, and with it what the page wants by now. */
 function pause() {
@@ -60,22 +69,28 @@ function withoutGpu(job) {
     return null;
 }
 
-/** Makes a picture, on the GPU where it can: how long it took, and counts. */
+/** Makes a picture, on the GPU where it can: how long it took, and counts. `null` where its scene has gone meanwhile. */
 async function frame(job, width, height, samples) {
+    const own = page;
     const asked = numbers(job, width, height, samples);
     const since = performance.now();
     const why = withoutGpu(job);
     let told = null;
     if (why === null) {
         try {
-            told = await page.frameOnGpu(asked);
+            told = await own.frameOnGpu(asked);
         } catch (error) {
             if (isTrap(error)) throw error;
+            if (own !== page) return null;
             leaveGpu(error.message ?? String(error));
         }
     }
+    if (own !== page) {
+        told?.free();
+        return null;
+    }
     const by = told === null ? "cpu" : "gpu";
-    told ??= page.frame(asked);
+    told ??= own.frame(asked);
     const took = performance.now() - since;
     const counts = { paths: told.paths, shadows: told.shadows, top: told.top };
     told.free();
@@ -102,11 +117,14 @@ async function draw() {
             const job = wanted;
             const steps = stepsOf(job);
             for (const { square, samples } of steps) {
-                const own = page;
+                await timing;
+                if (wanted !== job || page === null) break;
+                const [own, of] = [page, choice];
                 const [width, height] = [job.width, job.height].map((side) => Math.max(1, Math.ceil(side / square)));
-                const { took, by, why, paths, shadows, top } = await frame(job, width, height, samples);
-                // Another scene has come while the GPU worked.
-                if (own !== page) break;
+                const made = await frame(job, width, height, samples);
+                // Another scene or tree has come while the GPU worked.
+                if (made === null || of !== choice || own !== page) break;
+                const { took, by, why, paths, shadows, top } = made;
                 pace[by] = took / (width * height * samples);
                 const pixels = new Uint8ClampedArray(memory.buffer, page.pixels(), 4 * page.count()).slice();
                 const edges = job.boxes === null ? null : page.boxes(job.boxes, job.width, job.height);
@@ -114,7 +132,6 @@ async function draw() {
                 const told = { width, height, samples, pixels: pixels.buffer, edges, took, by, why, paths, shadows, top, isLast, job };
                 tell("picture", told, [pixels.buffer, ...(edges === null ? [] : [edges.buffer])]);
                 await pause();
-                await timing;
                 if (wanted !== job) break;
             }
             if (wanted === job) {
@@ -147,21 +164,29 @@ function timed(work) {
     return [performance.now() - since, done];
 }
 
-/** The bytes of the file that is to be opened, or why it cannot be read; nothing for a built-in scene. */
-async function read({ file, name }) {
+/** The bytes of the file that is to be opened, in the compiled part's memory; `null` for a built-in scene, or where something else was chosen meanwhile. */
+async function read(message) {
+    const { file, name } = message;
+    if (file === undefined) return null;
+    const words = new raw.Words(Math.ceil(file.size / 4));
     try {
-        return await file?.arrayBuffer();
+        for (let at = 0; at < file.size; at += SLICE) {
+            const slice = await file.slice(at, at + SLICE).arrayBuffer();
+            if (opening !== message) break;
+            // The memory may have grown meanwhile.
+            new Uint8Array(memory.buffer, words.pointer() + at, slice.byteLength).set(new Uint8Array(slice));
+        }
     } catch (error) {
-        return new Error(`${name} cannot be read: ${error.message}`);
+        words.free();
+        throw isTrap(error) ? error : new Error(`${name} cannot be read: ${error.message}`);
     }
+    return words;
 }
 
-function open({ builtin, name }, bytes) {
-    if (builtin !== undefined) return raw.Page.builtin(builtin);
-    const words = new raw.Words(Math.ceil(bytes.byteLength / 4));
+function open({ builtin, file, name }, words) {
+    if (words === null) return raw.Page.builtin(builtin);
     try {
-        new Uint8Array(memory.buffer, words.pointer(), bytes.byteLength).set(new Uint8Array(bytes));
-        return raw.Page.read(words, bytes.byteLength, name);
+        return raw.Page.read(words, file.size, name);
     } finally {
         words.free();
     }
@@ -233,7 +258,7 @@ async function buildOnGpu() {
             times.push(performance.now() - since);
             if (signal.aborted || own !== page) return;
         }
-        gpu.isReady = true;
+        [gpu.isReady, gpu.why] = [true, null];
         tell("gpu", { state: "built", ...about, first: times[0], took: times[1], digest });
     } catch (error) {
         if (isTrap(error)) throw error;
@@ -245,15 +270,21 @@ async function buildOnGpu() {
     }
 }
 
-/** Each accuracy, alternately; the median of three. And where the scene is on a GPU, its rays against the CPU's. */
+/**
+ * Each accuracy, alternately; the median of three. And where the scene is on a GPU, its rays against the CPU's. Nothing is told where another scene
+ * or tree has come meanwhile.
+ */
 async function measure(job) {
+    const [own, of] = [page, choice];
+    const isOver = () => own !== page || of !== choice;
     const rows = [0, WATERTIGHT, EXACT].map((accuracy) => ({ accuracy, times: [], rays: 0 }));
     for (let round = 0; round < 3; round += 1) {
         for (const row of rows) {
             const asked = { ...job, accuracy: row.accuracy, view: 0, light: 0, by: "cpu" };
-            const { took, paths, shadows } = await frame(asked, job.width, job.height, 1);
-            row.times.push(took);
-            row.rays = paths + shadows;
+            const made = await frame(asked, job.width, job.height, 1);
+            if (made === null || isOver()) return;
+            row.times.push(made.took);
+            row.rays = made.paths + made.shadows;
         }
     }
     const median = (times) => times.toSorted((a, b) => a - b)[1];
@@ -261,19 +292,22 @@ async function measure(job) {
     let onGpu = null;
     if (gpu.isReady) {
         const asked = numbers({ ...job, accuracy: WATERTIGHT, view: 0, light: 0 }, job.width, job.height, 1);
-        const pixels = () => new Uint32Array(memory.buffer, page.pixels(), page.count()).slice();
+        const pixels = () => new Uint32Array(memory.buffer, own.pixels(), own.count()).slice();
         try {
-            const [rays, differ] = await page.compareWithGpu(job.width, job.height);
-            page.frame(asked).free();
-            const own = pixels();
+            const [rays, differ] = await own.compareWithGpu(job.width, job.height);
+            if (isOver()) return;
+            own.frame(asked).free();
+            const wanted = pixels();
             const since = performance.now();
-            (await page.frameOnGpu(asked)).free();
+            (await own.frameOnGpu(asked)).free();
+            if (isOver()) return;
             const took = performance.now() - since;
             const found = pixels();
-            const pixelsDiffer = own.reduce((count, pixel, place) => count + Number(pixel !== found[place]), 0);
-            onGpu = { rays, differ, pixels: own.length, pixelsDiffer, took };
+            const pixelsDiffer = wanted.reduce((count, pixel, place) => count + Number(pixel !== found[place]), 0);
+            onGpu = { rays, differ, pixels: wanted.length, pixelsDiffer, took };
         } catch (error) {
             if (isTrap(error)) throw error;
+            if (isOver()) return;
             leaveGpu(error.message ?? String(error));
         }
     }
@@ -286,6 +320,7 @@ const does = {
         return buildOnGpu();
     },
     async open(message) {
+        choice = message.choice;
         gpu.ends?.abort();
         [wanted, turn] = [null, turn + 1];
         gpu.isReady = false;
@@ -293,19 +328,25 @@ const does = {
         page?.free();
         page = null;
         opening = message;
-        const bytes = await read(message);
+        let words = null;
+        try {
+            words = await read(message);
+        } catch (error) {
+            if (isTrap(error) || opening === message) throw error;
+        }
         // Something else was chosen while the file was read.
-        if (opening !== message) return;
+        if (opening !== message) return words?.free();
         opening = null;
-        if (bytes instanceof Error) throw bytes;
-        const [took, opened] = timed(() => open(message, bytes));
+        const [took, opened] = timed(() => open(message, words));
         page = opened;
         pace = { cpu: null, gpu: null };
         tell("opened", { name: message.name, took, triangles: page.triangles(), notes: page.notes() });
         build(message.preset, message.aspect);
         await buildOnGpu();
     },
-    build({ preset, aspect }) {
+    build(message) {
+        const { preset, aspect } = message;
+        choice = message.choice;
         if (opening !== null) opening.preset = preset;
         if (page === null) return;
         [wanted, turn] = [null, turn + 1];
@@ -325,8 +366,10 @@ const does = {
     async measure({ job }) {
         if (page === null) return;
         [wanted, turn] = [null, turn + 1];
-        // A picture that the GPU has begun comes first.
-        while (isDrawing) await new Promise((resume) => setTimeout(resume, 5));
+        const of = choice;
+        // A picture that the GPU has begun comes first, and what is timed there.
+        while (isDrawing || timing !== null) await new Promise((resume) => setTimeout(resume, 5));
+        if (page === null || of !== choice) return;
         let done;
         const own = new Promise((resolve) => (done = resolve));
         timing = own;
@@ -351,8 +394,9 @@ function end(error) {
     if (isOver) return;
     isOver = true;
     // Much memory is most often why.
-    const held = Math.round((memory?.buffer.byteLength ?? 0) / 2 ** 20);
-    const much = held > 1024 ? ` when it had ${held.toLocaleString("en")} MiB of memory, of 4,096 at most` : "";
+    const held = memory?.buffer.byteLength ?? 0;
+    const [some, most] = [held, mostMemory].map((bytes) => Math.round(bytes / 2 ** 20).toLocaleString("en"));
+    const much = held > mostMemory / 4 ? ` when it had ${some} MiB of memory, of ${most} at most` : "";
     tell("failed", { text: `The compiled part has ended${much} (${error.message ?? error}).`, isDead: true });
 }
 
@@ -372,13 +416,13 @@ onmessage = async ({ data }) => {
         await does[data.do](data);
     } catch (error) {
         if (isTrap(error)) end(error);
-        else tell("failed", { text: error.message ?? String(error), isDead: false });
+        else tell("failed", { text: error.message ?? String(error), isDead: false, ...(data.choice === undefined ? {} : { choice: data.choice }) });
     }
 };
 
 try {
     const part = await loadPart(location.search === "?gpu", (text) => end({ message: `a thread: ${text}` }));
-    ({ raw, memory } = part);
+    ({ raw, memory, mostMemory } = part);
     raw.afterCrash?.((message) => end({ message }));
     const scenes = raw.Page.builtinScenes();
     const named = scenes.filter((_, place) => place % 2 === 0).map((name, place) => ({ name, shows: scenes[2 * place + 1] }));

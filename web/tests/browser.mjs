@@ -2,12 +2,12 @@
 // security policy, on a phone and by keyboard. Usage: browser.mjs TOOLS [SCREENSHOTS]
 
 import assert from "node:assert/strict";
-import { mkdirSync, readFileSync, truncateSync, unlinkSync, writeFileSync } from "node:fs";
+import { existsSync, mkdirSync, readFileSync, truncateSync, unlinkSync, writeFileSync } from "node:fs";
 import path from "node:path";
 
 import { difference } from "./answers.mjs";
 import { launch, serve, step, web } from "./chromium.mjs";
-import { glb, gltf, stl } from "./files.mjs";
+import { glb, gltf, hills, stl } from "./files.mjs";
 
 const [tools, shots = path.join(web, "target", "screenshots")] = process.argv.slice(2);
 mkdirSync(shots, { recursive: true });
@@ -298,32 +298,141 @@ try {
         await page.screenshot({ path: path.join(shots, "spheres.png"), fullPage: true });
     });
 
-    await step("a file of the most bytes that are read: 8 million triangles, each of them a point", async () => {
+    /** Chooses values of controls in one task, so that nothing happens in between. */
+    const choose = (from, values) =>
+        from.evaluate((values) => {
+            for (const [id, value] of values) {
+                document.getElementById(id).value = value;
+                document.getElementById(id).dispatchEvent(new Event("change"));
+            }
+        }, values);
+    /** A page whose worker has other text at one place. */
+    const planted = async (place, text, then) => {
+        const own = await browser.newPage({ acceptDownloads: true });
+        const plant = async (route) => {
+            const response = await route.fetch();
+            const before = await response.text();
+            const body = before.replace(place, text);
+            assert.notEqual(body, before);
+            await route.fulfill({ response, body });
+        };
+        await own.route("**/worker.js", plant, { times: 1 });
+        await own.goto(`${root}/target/page/index.html?scene=cornell`);
+        await shown(own, { scene: "cornell" });
+        await then(own);
+        await own.close();
+    };
+
+    await step("a glTF file that names another one a hundred thousand times", async () => {
+        const buffers = Array.from({ length: 100_000 }, () => ({ byteLength: 60_000, uri: "a.bin" }));
+        await page.setInputFiles("#file", [
+            { name: "a.bin", mimeType: "", buffer: Buffer.alloc(60_000) },
+            { name: "many.gltf", mimeType: "", buffer: Buffer.from(JSON.stringify({ ...gltf().root, buffers })) },
+        ]);
+        await page.waitForFunction(() => window.problem);
+        assert.match(await page.textContent("#error"), /many\.gltf cannot be read: with what it names it takes more than the 402,653,184 bytes/);
+        assert.match(await page.textContent("#status"), /not opened/);
+    });
+
+    await step("a file that is read for long: a tree that is chosen meanwhile is built, and a scene comes in its place", async () => {
+        const slow = "for (let at = 0;";
+        await planted(slow, `await new Promise((resume) => setTimeout(resume, 700)); ${slow}`, async (own) => {
+            await give(own, "two.stl", stl([[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0], [0, 1, 0]]]));
+            await choose(own, [["preset", "best"]]);
+            assert.equal((await shown(own, { scene: "two.stl" })).preset, "best");
+            await give(own, "one.stl", stl([[[0, 0, 0], [1, 0, 0], [0, 1, 0]]]));
+            await choose(own, [["scene", "spheres"]]);
+            await shown(own, { scene: "spheres" });
+            await own.waitForTimeout(1500);
+            assert.equal(await own.evaluate(() => window.shown.scene), "spheres");
+            assert.equal(await own.isVisible("#error"), false);
+            // It changes while it is read.
+            const file = path.join(shots, "changes.obj");
+            writeFileSync(file, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+            await own.setInputFiles("#file", file);
+            writeFileSync(file, "v 0 0 0\n");
+            await own.waitForFunction(() => window.problem);
+            unlinkSync(file);
+            assert.match(await own.textContent("#error"), /changes\.obj cannot be read/);
+            await own.selectOption("#scene", "cornell");
+            await shown(own, { scene: "cornell", preset: "best" });
+        });
+    });
+
+    await step("files of the most bytes that are read: 8 million triangles, each a point, and as many of hills", async () => {
         const most = 384 * 1024 * 1024;
-        const file = path.join(shots, "points.stl");
+        const [points, hilly] = ["points.stl", "hills.stl"].map((name) => path.join(shots, name));
         const head = Buffer.alloc(84);
         const triangles = Math.floor((most - head.length) / 50);
         head.writeUInt32LE(triangles, 80);
-        writeFileSync(file, head);
+        writeFileSync(points, head);
         // All other bytes are zero.
-        truncateSync(file, head.length + 50 * triangles);
-        await page.setInputFiles("#file", file);
+        truncateSync(points, head.length + 50 * triangles);
+        await page.setInputFiles("#file", points);
         const found = await shown(page, { scene: "points.stl" });
-        unlinkSync(file);
+        unlinkSync(points);
         assert.equal(found.triangles, triangles, found);
+        const many = hills(hilly, Math.floor(Math.sqrt(triangles / 2)));
+        for (const from of hasThreads ? [root, isolated.root] : [root]) {
+            const own = await open("/target/page/index.html?scene=cornell", undefined, from);
+            await shown(own, { scene: "cornell" });
+            await own.setInputFiles("#file", hilly);
+            // Its tree, or what says that the memory was too little.
+            const told = await shown(own, { scene: "hills.stl" });
+            console.log(`${many} triangles: ${typeof told === "string" ? told : `read in ${Math.round(told.readMs)} ms, tree in ${Math.round(told.buildMs)} ms`}`);
+            assert.ok(typeof told === "string" ? /memory/.test(told) : told.triangles === many, told);
+            await own.selectOption("#scene", "gallery");
+            await shown(own, { scene: "gallery" });
+            await own.close();
+        }
+        unlinkSync(hilly);
         await page.selectOption("#scene", "cornell");
         await shown(page, { scene: "cornell" });
     });
 
-    await step("another tree can be chosen while one is built", async () => {
-        await page.evaluate(() => {
-            const choose = (id, value) => {
-                document.getElementById(id).value = value;
-                document.getElementById(id).dispatchEvent(new Event("change"));
-            };
-            choose("scene", "cornell");
-            choose("preset", "best");
+    await step("a build that takes long is given up for another scene", async () => {
+        const file = path.join(shots, "long.stl");
+        hills(file, 700);
+        const own = await open("/target/page/index.html?scene=cornell");
+        await shown(own, { scene: "cornell" });
+        const before = own.workers().length;
+        const another = own.waitForEvent("worker");
+        await own.selectOption("#preset", "best");
+        await shown(own, { preset: "best" });
+        await own.setInputFiles("#file", file);
+        await own.waitForFunction(() => /^Building the tree: /.test(document.getElementById("status").textContent));
+        await own.waitForTimeout(1100);
+        await choose(own, [["scene", "spheres"]]);
+        await another;
+        assert.equal((await shown(own, { scene: "spheres" })).preset, "best");
+        assert.equal(own.workers().length, before);
+        assert.equal(await own.isVisible("#error"), false);
+        unlinkSync(file);
+        await own.close();
+    });
+
+    await step("what is measured is not saved under the name of another scene", async () => {
+        let saved = 0;
+        const own = await browser.newPage({ acceptDownloads: true });
+        own.on("download", () => (saved += 1));
+        await own.goto(`${root}/target/page/index.html?scene=cornell`);
+        await shown(own, { scene: "cornell" });
+        await own.evaluate(() => {
+            document.getElementById("measure").click();
+            document.getElementById("scene").value = "spheres";
+            document.getElementById("scene").dispatchEvent(new Event("change"));
         });
+        await shown(own, { scene: "spheres" });
+        await own.waitForTimeout(500);
+        assert.equal(saved, 0);
+        const [download] = await Promise.all([own.waitForEvent("download"), own.click("#measure")]);
+        assert.equal(JSON.parse(readFileSync(await download.path(), "utf8")).scene, "spheres");
+        assert.equal(saved, 1);
+        await own.close();
+    });
+
+    await step("another tree can be chosen while one is built", async () => {
+        await choose(page, [["scene", "spheres"], ["preset", "best"], ["scene", "cornell"]]);
         assert.equal((await shown(page, { scene: "cornell", preset: "best" })).preset, "best");
         await page.selectOption("#preset", "fast");
         await page.selectOption("#scene", "spheres");
@@ -331,25 +440,16 @@ try {
     });
 
     await step("a worker that ends is said to have ended, and another one goes on", async () => {
-        const plant = async (route) => {
-            const response = await route.fetch();
-            const text = await response.text();
-            const body = text.replace("builtBy = preset;", 'if (preset === "best") throw new WebAssembly.RuntimeError("planted");');
-            assert.notEqual(body, text);
-            await route.fulfill({ response, body });
-        };
-        const own = await browser.newPage();
-        await own.route("**/worker.js", plant, { times: 1 });
-        await own.goto(`${root}/target/page/index.html?scene=cornell`);
-        await shown(own, { scene: "cornell" });
-        await own.selectOption("#preset", "best");
-        await own.waitForFunction(() => window.problem);
-        assert.match(await own.textContent("#error"), /has ended \(planted\)/);
-        await own.waitForFunction(() => document.getElementById("status").textContent === "Choose another scene.");
-        await own.selectOption("#scene", "spheres");
-        assert.equal((await shown(own, { scene: "spheres", preset: "best" })).preset, "best");
-        assert.equal(await own.isVisible("#error"), false);
-        await own.close();
+        const trap = 'builtBy = preset; if (preset === "best") throw new WebAssembly.RuntimeError("planted");';
+        await planted("builtBy = preset;", trap, async (own) => {
+            await own.selectOption("#preset", "best");
+            await own.waitForFunction(() => window.problem);
+            assert.match(await own.textContent("#error"), /has ended \(planted\)/);
+            await own.waitForFunction(() => document.getElementById("status").textContent === "Choose another scene.");
+            await own.selectOption("#scene", "spheres");
+            assert.equal((await shown(own, { scene: "spheres", preset: "best" })).preset, "best");
+            assert.equal(await own.isVisible("#error"), false);
+        });
     });
 
     await step("without WebGPU the page says so, and goes on", async () => {
@@ -442,6 +542,20 @@ try {
         await phone.screenshot({ path: path.join(shots, "phone-dark.png"), fullPage: true });
         await phone.close();
     });
+    const example = path.join(web, "target", "vite", "dist");
+    if (existsSync(example)) await step("the example for Vite, as it was bundled", async () => {
+        for (const [name, told] of [["index", /^48,000 triangles, digest [0-9a-f]{16}, simd128$/], ["threads", /of a million rays hit, in \d+ ms on (\d+ threads|one thread)/]]) {
+            const own = await open(`/target/vite/dist/${name}.html`, undefined, isolated.root);
+            await own.waitForFunction(() => document.getElementById("told").textContent !== "Loading…" && document.getElementById("told").textContent !== "");
+            assert.match(await own.textContent("#told"), told);
+            if (name === "index") {
+                await own.mouse.move(325, 280);
+                await own.waitForFunction(() => /^triangle \d+, \d\.\d{4} away$/.test(document.getElementById("told").textContent));
+            }
+            await own.close();
+        }
+    });
+    else console.log("NOT TESTED: the example for Vite was not bundled");
     assert.deepEqual(problems, []);
 } catch (error) {
     for (const problem of problems) console.error(problem);

@@ -1,4 +1,6 @@
-// Small files of scenes, made here.
+// Files of scenes, made here.
+
+import { closeSync, openSync, writeSync } from "node:fs";
 
 /** A number of triangles as a binary STL file. */
 export function stl(triangles) {
@@ -6,6 +8,32 @@ export function stl(triangles) {
     bytes.writeUInt32LE(triangles.length, 80);
     triangles.forEach((corners, place) => corners.flat().forEach((x, k) => bytes.writeFloatLE(x, 84 + 50 * place + 12 + 4 * k)));
     return bytes;
+}
+
+/** Writes hills of `side` times `side` squares as a binary STL file; gives the number of triangles. */
+export function hills(path, side) {
+    const height = (x, y) => 20 * Math.sin(x * 0.013) * Math.cos(y * 0.017) + Math.sin(x * 1.7 + y * y * 0.01);
+    const squares = [[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]];
+    const file = openSync(path, "w");
+    const head = Buffer.alloc(84);
+    head.writeUInt32LE(2 * side * side, 80);
+    writeSync(file, head);
+    for (let y = 0; y < side; y += 1) {
+        const row = Buffer.alloc(100 * side);
+        let at = 0;
+        for (let x = 0; x < side; x += 1) {
+            for (const triangle of squares) {
+                at += 12;
+                for (const [right, up] of triangle) {
+                    for (const number of [x + right, y + up, height(x + right, y + up)]) at = row.writeFloatLE(number, at);
+                }
+                at += 2;
+            }
+        }
+        writeSync(file, row);
+    }
+    closeSync(file);
+    return 2 * side * side;
 }
 
 const chunk = (type, bytes, fill) => {

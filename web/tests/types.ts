@@ -17,6 +17,7 @@ export async function use(positions: Float32Array, indices: Uint32Array, rays: F
     const into = new WasmArray(rays.length / 2);
     const same: WasmArray = tree.closestHits(rays, { into });
     const single = tree.closestHit([0, 0, 0], [0, 0, 1], { tMax: 5 });
+    const inside: Uint8Array = await tree.containsAsync(positions, { signal: controller.signal });
     const scene = new Scene();
     scene.addInstance(scene.addGeometry(positions, indices), new Float32Array(12), { mask: 1 });
     try {
