@@ -177,32 +177,38 @@ impl CpuAccelerator {
         let (layout, scene) = (&self.layout, &self.scene);
         // How slow rays are shows only as they are traced.
         let at_first = if meter.is_watched() { FIRST } else { TASK };
-        let tasks = answers.par_chunks_mut(TASK).enumerate();
-        let done = tasks.try_for_each_init(
-            || at_first,
-            |count, (task, answers)| {
-                let rays = rays.part(task * TASK..task * TASK + answers.len());
-                let mut next = 0;
-                while next < rays.len() && !meter.is_cancelled() {
-                    let some = next..rays.len().min(next + *count);
-                    let stopwatch = meter.is_watched().then(Stopwatch::start);
-                    let rays = rays.part(some.clone());
-                    let batch = RayBatch { layout, scene, rays, options, query: T::QUERY };
-                    let answers = T::answers(&mut answers[some.clone()]);
-                    // SAFETY: as for one ray.
-                    unsafe { self.set.run(Stream { batch, answers }) }?;
-                    match stopwatch.and_then(|stopwatch| stopwatch.elapsed()) {
-                        Some(took) if took > TOO_LONG => *count = (*count / 2).max(1),
-                        Some(took) if took < TOO_LONG / 2 => *count = (*count * 2).min(TASK),
-                        _ => {}
-                    }
-                    meter.advance(some.len() as u64);
-                    meter.record_work(WORK_BETWEEN_CHECKS);
-                    next = some.end;
+        let answer_task = |count: &mut usize, task: usize, answers: &mut [T]| {
+            let rays = rays.part(task * TASK..task * TASK + answers.len());
+            let mut next = 0;
+            while next < rays.len() && !meter.is_cancelled() {
+                let some = next..rays.len().min(next + *count);
+                let stopwatch = meter.is_watched().then(Stopwatch::start);
+                let rays = rays.part(some.clone());
+                let batch = RayBatch { layout, scene, rays, options, query: T::QUERY };
+                let answers = T::answers(&mut answers[some.clone()]);
+                // SAFETY: as for one ray.
+                unsafe { self.set.run(Stream { batch, answers }) }?;
+                match stopwatch.and_then(|stopwatch| stopwatch.elapsed()) {
+                    Some(took) if took > TOO_LONG => *count = (*count / 2).max(1),
+                    Some(took) if took < TOO_LONG / 2 => *count = (*count * 2).min(TASK),
+                    _ => {}
                 }
-                Ok::<(), TryReserveError>(())
-            },
-        );
+                meter.advance(some.len() as u64);
+                meter.record_work(WORK_BETWEEN_CHECKS);
+                next = some.end;
+            }
+            Ok::<(), TryReserveError>(())
+        };
+        // One task is done where it is asked for: to wake another thread takes as long as many rays.
+        let done = if answers.len() <= TASK {
+            answer_task(&mut { at_first }, 0, answers)
+        } else {
+            let tasks = answers.par_chunks_mut(TASK).enumerate();
+            tasks.try_for_each_init(
+                || at_first,
+                |count, (task, answers)| answer_task(count, task, answers),
+            )
+        };
         // An estimate for the stacks of a thread.
         done.map_err(|_| refused((2 * layout.wide.stack() * size_of::<u32>()) as u64))?;
         meter.finish_stage();

@@ -32,6 +32,45 @@ pub(crate) struct Call(
 pub(crate) struct Watcher {
     stop: AtomicBool,
     last: Mutex<Option<Progress>>,
+    /// Where the calling thread does the work itself.
+    alone: Option<Alone>,
+}
+
+/// What a thread needs that looks after Ctrl-C and progress between parts of its own work.
+struct Alone {
+    callback: Option<Py<PyAny>>,
+    looked: Mutex<Instant>,
+    raised: Mutex<Option<PyErr>>,
+}
+
+impl Watcher {
+    /// Looks up from the work, if that is due.
+    fn look(&self) {
+        let Some(Alone { callback, looked, raised }) = &self.alone else { return };
+        let now = Instant::now();
+        if now.duration_since(*locked(looked)) < BETWEEN || locked(raised).is_some() {
+            return;
+        }
+        let seen = Python::attach(|py| {
+            py.check_signals()?;
+            self.report(py, callback.as_ref())
+        });
+        if let Err(error) = seen {
+            self.stop.store(true, Ordering::Relaxed);
+            *locked(raised) = Some(error);
+        }
+        *locked(looked) = Instant::now();
+    }
+
+    /// Calls the callback with how far the work is.
+    fn report(&self, py: Python<'_>, callback: Option<&Py<PyAny>>) -> PyResult<()> {
+        let Some(callback) = callback else { return Ok(()) };
+        let last = *locked(&self.last);
+        if let Some(Progress { stage, done, total }) = last {
+            callback.call1(py, (stage.name(), done, total))?;
+        }
+        Ok(())
+    }
 }
 
 impl Watch for Watcher {
@@ -42,6 +81,7 @@ impl Watch for Watcher {
                 *last = Some(*progress);
             }
         }
+        self.look();
         match self.stop.load(Ordering::Relaxed) {
             true => ControlFlow::Break(()),
             false => ControlFlow::Continue(()),
@@ -70,15 +110,17 @@ pub(crate) struct Blocks<'a> {
     watcher: &'a Watcher,
     done: AtomicU64,
     total: usize,
+    /// Whether the last block that ended was quick.
+    is_quick: AtomicBool,
 }
 
 impl<'a> Blocks<'a> {
     pub(crate) fn new(watcher: &'a Watcher, total: usize) -> Blocks<'a> {
-        Blocks { watcher, done: AtomicU64::new(0), total }
+        Blocks { watcher, done: AtomicU64::new(0), total, is_quick: AtomicBool::new(false) }
     }
 
     /// So many more are done.
-    pub(crate) fn add(&self, more: usize) {
+    fn add(&self, more: usize) {
         let done = self.done.fetch_add(more as u64, Ordering::Relaxed) + more as u64;
         let total = self.total as u64;
         if done < total {
@@ -89,18 +131,19 @@ impl<'a> Blocks<'a> {
     }
 }
 
-/// How long blocks take of late, on one thread.
+/// How long blocks take of late, in one task of the pool.
 ///
-/// A batch with a watch begins with few rays, as nobody knows how slow they are; for each block anew that takes a fifth as long as
-/// quick rays themselves. So blocks have a watch only while they are slow, and cancellation is looked for between them too.
+/// A batch with a watch begins with few rays, as nobody knows how slow they are; for each block anew that takes time of
+/// its own. So blocks have a watch only while they are slow, and cancellation is looked for between them too. A task that has
+/// had no block yet goes by the last one of any.
 pub(crate) struct Pace {
-    is_quick: bool,
+    is_quick: Option<bool>,
     begun: Instant,
 }
 
 impl Pace {
     pub(crate) fn new() -> Pace {
-        Pace { is_quick: false, begun: Instant::now() }
+        Pace { is_quick: None, begun: Instant::now() }
     }
 
     /// Begins a block: its watch.
@@ -112,13 +155,16 @@ impl Pace {
             let (done, total) = (blocks.done.load(Ordering::Relaxed), blocks.total as u64);
             return Err(QueryError::Cancelled { done, total }.into());
         }
+        let is_quick = self.is_quick.unwrap_or_else(|| blocks.is_quick.load(Ordering::Relaxed));
         self.begun = Instant::now();
-        Ok((!self.is_quick).then_some(blocks))
+        Ok((!is_quick).then_some(blocks))
     }
 
     /// Ends a block.
     pub(crate) fn end(&mut self, blocks: &Blocks<'_>, rays: usize) {
-        self.is_quick = self.begun.elapsed() < QUICK;
+        let is_quick = self.begun.elapsed() < QUICK;
+        self.is_quick = Some(is_quick);
+        blocks.is_quick.store(is_quick, Ordering::Relaxed);
         blocks.add(rays);
     }
 }
@@ -171,13 +217,42 @@ impl Call {
         }
         match result.into_inner().unwrap_or_else(|broken| broken.into_inner()) {
             Some(Ok(Ok(done))) => {
-                self.report(py, &watcher)?;
+                watcher.report(py, self.1.as_ref())?;
                 Ok(done)
             }
             Some(Ok(Err(failure))) => Err(failure.into()),
             Some(Err(panic)) => resume_unwind(panic),
             None => Err(Failure::new("SplitplaneError", "the work was not done").into()),
         }
+    }
+
+    /// Whether the calling thread does blocks of rays itself: where it would only wait for one other thread. To wake that and to
+    /// be woken takes as long as hundreds of rays.
+    pub(crate) fn is_alone(&self, blocks: usize) -> bool {
+        self.0 == Some(1) || blocks <= 1
+    }
+
+    /// Does the work on the calling thread, which looks after Ctrl-C and progress when the work calls its watch. No part of it may need
+    /// a pool.
+    pub(crate) fn run_alone<T: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&Watcher) -> Result<T, Failure> + Send,
+    ) -> PyResult<T> {
+        let callback = self.1.as_ref().map(|callback| callback.clone_ref(py));
+        if let Some(progress) = &callback {
+            progress.call1(py, ("start", 0, 0))?;
+        }
+        let (looked, raised) = (Mutex::new(Instant::now()), Mutex::new(None));
+        let alone = Some(Alone { callback, looked, raised });
+        let mut watcher = Watcher { alone, ..Watcher::default() };
+        let done = py.detach(|| work(&watcher));
+        if let Some(error) = watcher.alone.as_mut().and_then(|alone| locked(&alone.raised).take()) {
+            return Err(error);
+        }
+        let done = done?;
+        watcher.report(py, self.1.as_ref())?;
+        Ok(done)
     }
 
     fn wait<T>(
@@ -196,7 +271,7 @@ impl Call {
                 drop(guard);
                 let looked = Python::attach(|py| {
                     py.check_signals()?;
-                    self.report(py, watcher)
+                    watcher.report(py, self.1.as_ref())
                 });
                 if let Err(error) = looked {
                     watcher.stop.store(true, Ordering::Relaxed);
@@ -205,15 +280,5 @@ impl Call {
                 guard = locked(result);
             }
         }
-    }
-
-    /// Calls the callback with how far the work is.
-    fn report(&self, py: Python<'_>, watcher: &Watcher) -> PyResult<()> {
-        let Some(callback) = &self.1 else { return Ok(()) };
-        let last = *locked(&watcher.last);
-        if let Some(Progress { stage, done, total }) = last {
-            callback.call1(py, (stage.name(), done, total))?;
-        }
-        Ok(())
     }
 }

@@ -17,6 +17,7 @@ mod pool;
 mod rays;
 mod scene;
 mod tree;
+mod unit;
 mod volumes;
 
 use pyo3::prelude::*;
@@ -28,6 +29,8 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<scene::Scene>()?;
     module.add_class::<points::PointTree>()?;
     module.add_function(wrap_pyfunction!(named::named, module)?)?;
+    module.add_function(wrap_pyfunction!(named::cast_named, module)?)?;
+    module.add_function(wrap_pyfunction!(unit::unit_rays, module)?)?;
     module.add_function(wrap_pyfunction!(volumes::overlaps, module)?)?;
     module.add_function(wrap_pyfunction!(volumes::overlaps_any, module)?)?;
     module.add_function(wrap_pyfunction!(volumes::impacts, module)?)?;

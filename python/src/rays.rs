@@ -4,6 +4,7 @@ use std::cell::Cell;
 
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
+use pyo3::types::PyFloat;
 use rayon::prelude::*;
 use splitplane::{Ray, Rays as Given};
 
@@ -24,6 +25,8 @@ thread_local! {
 /// A limit of `t`: one for all rays, or one for each.
 #[derive(FromPyObject)]
 pub(crate) enum LimitArgument<'py> {
+    /// One for all, mostly: looked for first, as it is found at once.
+    Number(Bound<'py, PyFloat>),
     /// One for each.
     Each(PyReadonlyArray1<'py, f32>),
     /// One for all.
@@ -65,6 +68,7 @@ impl<'a> Limits<'a> {
         name: &str,
     ) -> Result<Limits<'a>, Failure> {
         match argument {
+            LimitArgument::Number(all) => Ok(Limits(Limit::All(all.value() as f32))),
             LimitArgument::All(all) => Ok(Limits(Limit::All(*all))),
             LimitArgument::Each(each) => {
                 let each = flat(each, name)?;

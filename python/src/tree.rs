@@ -15,7 +15,7 @@ use splitplane::{
 
 use crate::answers::{Columns, Crossings, located};
 use crate::arrays::{flat, reserved, room, room_for_rows, rows};
-use crate::call::{Blocks, Call, Pace, Part, Watcher};
+use crate::call::{Blocks, Call, Pace, Part};
 use crate::failure::Failure;
 use crate::open::{Opened, open};
 use crate::options::{Counts, accuracy, add, config, culling, layout};
@@ -23,7 +23,7 @@ use crate::order::ordered;
 use crate::rays::{BLOCK, CHUNK, LimitArgument, Rays};
 
 /// Up to this many rays are answered by the calling thread, one after the other.
-const FEW: usize = 16;
+pub(crate) const FEW: usize = 16;
 /// Rays for a device at once.
 const DEVICE_CHUNK: usize = 1 << 22;
 
@@ -211,11 +211,9 @@ impl Tree {
             return Ok(Counts::default());
         }
         if opened.is_cpu() {
-            return call.run(py, |watcher| {
-                in_blocks(&rays, hits, watcher, |rays, hits, watch| {
-                    accelerator.closest_hits_of(rays, hits, &QueryOptions { watch, ..options })?;
-                    Ok(())
-                })
+            return in_blocks(py, &call, &rays, hits.chunks_mut(BLOCK), |rays, hits, watch| {
+                accelerator.closest_hits_of(rays, hits, &QueryOptions { watch, ..options })?;
+                Ok(())
             });
         }
         on_device(py, &call, &rays, hits, |rays, hits, watch| {
@@ -246,11 +244,10 @@ impl Tree {
             return Ok(Counts::default());
         }
         if opened.is_cpu() {
-            return call.run(py, |watcher| {
-                in_blocks(&rays, occluded, watcher, |rays, occluded, watch| {
-                    accelerator.any_hits_of(rays, occluded, &QueryOptions { watch, ..options })?;
-                    Ok(())
-                })
+            let outs = occluded.chunks_mut(BLOCK);
+            return in_blocks(py, &call, &rays, outs, |rays, occluded, watch| {
+                accelerator.any_hits_of(rays, occluded, &QueryOptions { watch, ..options })?;
+                Ok(())
             });
         }
         on_device(py, &call, &rays, occluded, |rays, occluded, watch| {
@@ -392,21 +389,38 @@ impl Tree {
     }
 }
 
-/// Answers rays block by block on all threads, each block with a watch only while blocks are slow.
-fn in_blocks<T: Send>(
+/// Answers rays of the CPU block by block, on all threads or on the calling one, each block with a watch only while blocks are slow.
+/// `outs` are where the answers of each block go.
+pub(crate) fn in_blocks<P: Send>(
+    py: Python<'_>,
+    call: &Call,
     rays: &Rays<'_>,
-    answers: &mut [T],
-    watcher: &Watcher,
-    ask: impl Fn(Given<'_>, &mut [T], Option<&dyn Watch>) -> Result<(), Failure> + Sync,
-) -> Result<Counts, Failure> {
-    let blocks = &Blocks::new(watcher, rays.len());
-    let outs = answers.par_chunks_mut(BLOCK).enumerate();
-    outs.try_for_each_init(Pace::new, |pace, (number, answers)| {
+    outs: impl ExactSizeIterator<Item = P> + Send,
+    ask: impl Fn(Given<'_>, P, Option<&dyn Watch>) -> Result<(), Failure> + Sync,
+) -> PyResult<Counts> {
+    let block = |blocks: &Blocks<'_>, pace: &mut Pace, (number, out): (usize, P)| {
         rays.with_block(number, |rays| {
-            ask(rays, answers, pace.begin(blocks)?)?;
+            ask(rays, out, pace.begin(blocks)?)?;
             pace.end(blocks, rays.len());
             Ok::<(), Failure>(())
         })
+    };
+    let count = outs.len();
+    if call.is_alone(count) {
+        call.run_alone(py, |watcher| {
+            let (blocks, mut pace) = (Blocks::new(watcher, rays.len()), Pace::new());
+            outs.enumerate().try_for_each(|out| block(&blocks, &mut pace, out))
+        })?;
+        return Ok(Counts::default());
+    }
+    call.run(py, |watcher| {
+        let mut listed = Vec::new();
+        let refused = |_| Failure::memory(count * size_of::<P>());
+        listed.try_reserve_exact(count).map_err(refused)?;
+        listed.extend(outs);
+        let blocks = &Blocks::new(watcher, rays.len());
+        let listed = listed.into_par_iter().enumerate();
+        listed.try_for_each_init(Pace::new, |pace, out| block(blocks, pace, out))
     })?;
     Ok(Counts::default())
 }

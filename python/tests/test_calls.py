@@ -32,7 +32,14 @@ def hard() -> tuple[Tree, np.ndarray]:
     return tree, np.zeros((20_000_000, 3), np.float32)
 
 
-def test_progress_is_called_by_the_caller() -> None:
+def hard_rays(count: int) -> tuple[Tree, np.ndarray]:
+    """The same for rays: each crosses two thousand faces that are one in space. Exact hits take some 0.1 ms."""
+    faces = np.broadcast_to(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32), (2000, 3, 3))
+    return Tree.build(faces), np.broadcast_to(np.array([0.2, 0.2, 5, 0, 0, -1], np.float32), (count, 6)).copy()
+
+
+@pytest.mark.parametrize("threads", [None, 1, 2])
+def test_progress_is_called_by_the_caller(threads: int | None) -> None:
     calls: list[tuple[str, int, int, int]] = []
 
     def progress(stage: str, done: int, total: int) -> None:
@@ -41,40 +48,47 @@ def test_progress_is_called_by_the_caller() -> None:
     tree = Tree.build(VERTICES, FACES, progress=progress)
     assert {call[3] for call in calls} == {threading.get_ident()} and calls[0][0] == "start"
     calls.clear()
-    tree.closest_hits(rays_at(600_000), progress=progress)
+    tree.closest_hits(rays_at(600_000), progress=progress, threads=threads)
     assert calls[-1][:3] == ("rays", 600_000, 600_000)
     done = [call[1] for call in calls]
     assert done == sorted(done)
+    assert {call[3] for call in calls} == {threading.get_ident()} and calls[0][0] == "start"
 
 
-def test_what_progress_raises_ends_the_work() -> None:
-    tree, points = hard()
+@pytest.mark.parametrize("threads", [None, 1])
+@pytest.mark.parametrize("kind", ["points", "rays"])
+def test_what_progress_raises_ends_the_work(kind: str, threads: int | None) -> None:
+    tree, asked = hard() if kind == "points" else hard_rays(2_000_000)
 
     class Enough(Exception):
         pass
 
+    told = [0]
+
     def progress(stage: str, done: int, total: int) -> None:
+        told[0] = done
         if done:
             raise Enough
 
     # CPU time, which other processes do not lengthen; the whole work takes minutes of it.
     begun = time.process_time()
     with pytest.raises(Enough):
-        tree.closest_points(points, progress=progress)
-    assert time.process_time() - begun < 10
-    assert tree.closest_points([0, 0, 3]).distance == pytest.approx(2, abs=1e-3)
+        (tree.closest_points if kind == "points" else tree.closest_hits)(asked, progress=progress, threads=threads)
+    assert time.process_time() - begun < 10 and 0 < told[0] < len(asked)
+    assert tree.closest_points([0, 0, 3]).found.all()
 
 
-def test_ctrl_c_ends_the_work() -> None:
-    code = """
+@pytest.mark.parametrize("call", ["closest_points(asked)", "closest_hits(asked, accuracy='exact')", "closest_hits(asked, accuracy='exact', threads=1)"])
+def test_ctrl_c_ends_the_work(call: str) -> None:
+    code = f"""
 import os, signal, sys, threading, time
 sys.path.insert(0, sys.argv[1])
-from test_calls import hard
-tree, points = hard()
+from test_calls import hard, hard_rays
+tree, asked = hard() if "points" in {call!r} else hard_rays(2_000_000)
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
 try:
     threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
-    tree.closest_points(points)
+    tree.{call}
 except KeyboardInterrupt:
     print("interrupted", tree.closest_points([0, 0, 3]).found)
 else:

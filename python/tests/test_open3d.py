@@ -64,6 +64,35 @@ def test_hits_of_several_meshes() -> None:
     assert late == 2 and scene.cast_rays(np.array([[-9, -9, 0, 0, 0, -1]], np.float32))["geometry_ids"][0] == 2
 
 
+@pytest.mark.parametrize("meshes", [1, 3])
+@pytest.mark.parametrize("count", [0, 1, 16, 17, 4096, 9000])
+def test_columns_are_the_trees(meshes: int, count: int) -> None:
+    """However many rays there are, columns say what hits of the tree say."""
+    scene = RaycastingScene()
+    for place in range(meshes):
+        scene.add_triangles(BALL[0] + np.float32(2.5 * place), BALL[1])
+    corners = np.concatenate([(BALL[0] + np.float32(2.5 * place))[BALL[1]] for place in range(meshes)])
+    rays = rays_at(count)
+    hits = splitplane.Tree.build(corners).closest_hits(rays)
+    face = hits.triangle.astype(np.int64)
+    miss = ~hits.hit
+    ids, faces = face // len(BALL[1]), face % len(BALL[1])
+    ids[miss] = faces[miss] = RaycastingScene.INVALID_ID
+    corners = corners.astype(np.float64)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    for threads in (0, 1, 2):
+        cast = scene.cast_rays(rays, nthreads=threads)
+        np.testing.assert_array_equal(cast["t_hit"], hits.t)
+        np.testing.assert_array_equal(cast["geometry_ids"], ids)
+        np.testing.assert_array_equal(cast["primitive_ids"], faces)
+        np.testing.assert_array_equal(cast["primitive_uvs"], np.stack([hits.u, hits.v], axis=1))
+        np.testing.assert_allclose(cast["primitive_normals"][~miss], normals[face[~miss]], atol=1e-6)
+        assert not cast["primitive_normals"][miss].any()
+        assert all(one.flags.c_contiguous and one.flags.writeable for one in cast.values())
+    assert count < 100 or 0 < miss.sum() < count
+
+
 class Mesh:
     """A mesh as Open3D has it."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import pickle
 from pathlib import Path
@@ -420,3 +421,33 @@ def test_results_are_written_over_earlier_ones(tree: Tree) -> None:
         twice = dataclasses.replace(hits, v=hits.u)
         with pytest.raises(splitplane.ShapeError, match="out.v overlaps"):
             thing.closest_hits(rays, out=twice)
+
+
+def test_hits_are_what_they_were_when_copied(tree: Tree) -> None:
+    """Columns are made when they are asked for: copies, pickles and hits that are written over must not tell."""
+    rays = rays_at(70, 3)
+    expected = tree.closest_hits(rays)
+    values = tuple(getattr(expected, field.name) for field in dataclasses.fields(expected))
+    for form in (copy.copy, copy.deepcopy, lambda hits: pickle.loads(pickle.dumps(hits)), dataclasses.replace):
+        for asked in ((), ("t",), ("v", "triangle")):
+            hits = tree.closest_hits(rays)
+            for name in asked:
+                getattr(hits, name)
+            other = form(hits)
+            assert type(other) is splitplane.Hits and other.report == expected.report
+            for field, value in zip(dataclasses.fields(other), values):
+                assert np.array_equal(getattr(other, field.name), value)
+            # All columns of a copy are written over, not only some.
+            away = tree.closest_hits(rays + np.float32(100), out=other)
+            assert not other.hit.any() and not away.hit.any() and not other.v.any() and np.isinf(other.t).all()
+    hits = tree.closest_hits(rays)
+    assert hits.t is hits.t and hits.t.base is hits.v.base and repr(hits).startswith("Hits(t=array(")
+    for name in ("geometry", "_nothing", "nothing", "__array__"):
+        with pytest.raises(AttributeError, match=name):
+            getattr(hits, name)
+    assert not hasattr(splitplane.Hits.__new__(splitplane.Hits), "t")
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        hits.t = expected.t
+    hits.t.flags.writeable = False
+    with pytest.raises(splitplane.ShapeError, match="out.t must be aligned and writeable"):
+        tree.closest_hits(rays, out=hits)

@@ -12,6 +12,7 @@ trimesh = pytest.importorskip("trimesh", reason="trimesh is not installed")
 pytest.importorskip("scipy", reason="scipy is not installed")
 pytest.importorskip("rtree", reason="rtree is not installed")
 
+import splitplane  # noqa: E402
 import splitplane.trimesh as ours  # noqa: E402
 from trimesh.proximity import ProximityQuery  # noqa: E402
 from trimesh.ray.ray_triangle import RayMeshIntersector  # noqa: E402
@@ -53,6 +54,30 @@ def test_rays_are_answered_alike(mesh: "trimesh.Trimesh", rays: tuple[np.ndarray
     assert mine.intersects_id(*(one[:0] for one in rays), return_locations=True)[2].shape == (0, 3)
     with pytest.raises(ValueError, match="match"):
         mine.intersects_any(rays[0], rays[1][:5])
+
+
+def test_rays_are_made_as_numpy_makes_them(mesh: "trimesh.Trimesh") -> None:
+    """Rows of many rays: relative to the middle in float64, directions of length 1, whatever the numbers and their layout."""
+    rng = np.random.default_rng(5)
+    origins, directions = rng.normal(size=(20_000, 3)) * 4 + mesh.centroid, rng.normal(size=(20_000, 3)) * 10.0 ** rng.uniform(-9, 9, (20_000, 1))
+    directions[:4] = [[0, 0, 0], [np.nan, 0, 1], [np.inf, 0, 0], [1e-300, 0, 0]]
+    origins[4:6] = [[np.nan, 0, 0], [-np.inf, 0, 0]]
+    shift = ours.tree_of(mesh).origin
+    with np.errstate(invalid="ignore"):
+        length = np.sqrt((directions**2).sum(axis=1))
+        unit = directions / np.where(length > 0, length, 1)[:, None]
+    for threads in (None, 1, 2):
+        for given in ((origins, directions), (np.asfortranarray(origins), directions[:, ::-1].copy()[:, ::-1]), (origins.tolist(), directions.tolist())):
+            rows = ours.RayMeshIntersector(mesh)._rays(*given, threads=threads)[2].rows
+            assert rows[:, :3].tobytes() == (origins - shift).astype(np.float32).tobytes()
+            np.testing.assert_allclose(rows[:, 3:], unit.astype(np.float32), rtol=2e-7)
+    first = ours.RayMeshIntersector(mesh).intersects_first(origins, directions)
+    assert (first[:6] == -1).all() and (first >= 0).sum() > 1000
+    for place in (0, 19_999):
+        far = origins.copy()
+        far[place, 1] = 1e39
+        with pytest.raises(splitplane.RangeError, match="beyond the greatest float32"):
+            ours.RayMeshIntersector(mesh).intersects_any(far, directions)
 
 
 def test_points_are_answered_alike(mesh: "trimesh.Trimesh") -> None:

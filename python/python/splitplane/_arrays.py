@@ -211,6 +211,8 @@ Call = Tuple["int | None", "Progress | None"]
 
 def call(threads: Any, progress: Any) -> Call:
     """How a long call is done."""
+    if progress is None and (threads is None or (type(threads) is int and 1 <= threads <= 1024)):
+        return threads, None
     if progress is not None and not callable(progress):
         raise DtypeError(f"progress must be callable, not {type(progress).__name__}")
     return maybe_whole(threads, "threads", 1, 1024), progress

@@ -21,6 +21,18 @@ _Bytes = npt.NDArray[np.uint8]
 
 def describe(name: str, adapter: str | None = None) -> tuple[str, str | None, int | None, str, str]: ...
 def mesh_digest(vertices: F32, faces: U32) -> str: ...
+def cast_named(
+    tree: Tree,
+    rays: F32,
+    starts: U32,
+    table: F32,
+    t: F32,
+    geometry: U32,
+    face: U32,
+    weights: F32,
+    normals: F32,
+    call: Call,
+) -> None: ...
 def named(
     triangle: U32,
     u: F32,
@@ -33,6 +45,7 @@ def named(
     normals: F32,
     call: Call,
 ) -> None: ...
+def unit_rays(origins: F64, directions: F64, shift: tuple[float, float, float], found: F32, call: Call) -> None: ...
 
 def overlaps(
     tree: Tree, kind: str, volumes: F32, starts: I64, ignore: int | None, max_memory: int | None, call: Call

@@ -41,6 +41,8 @@ def backend_arguments(backend: Any, adapter: Any) -> Backend:
 
 def query_arguments(accuracy: Any, culling: Any, ignore: Any) -> tuple[str, str, int | None]:
     """The settings of a query of a tree."""
+    if type(accuracy) is str and type(culling) is str and ignore is None:
+        return accuracy, culling, None
     return text(accuracy, "accuracy"), text(culling, "culling"), maybe_whole(ignore, "ignore")
 
 

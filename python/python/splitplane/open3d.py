@@ -6,7 +6,7 @@ exactly, so ``nsamples`` is taken and not needed. Rays through edges and vertice
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Tuple
 
 import numpy as np
 import numpy.typing as npt
@@ -38,6 +38,27 @@ def _float32(value: Any, name: str, columns: int) -> F32:
 def _threads(count: Any) -> int | None:
     """0 is for all cores."""
     return arrays.whole(count, "nthreads", 0, 1024) or None
+
+
+Columns = Tuple[U32, U32, F32, F32]
+
+
+def _columns(count: int) -> Columns:
+    """Room for geometries, faces, weights and normals.
+
+    Two and two share an array: the system clears fresh memory page by page, which can take a third as long as the rays; of few large
+    arrays that are given back the allocator keeps more for the next call.
+    """
+    if count == 0:
+        # Empty parts of one array count as parts that overlap.
+        return arrays.room((0,), np.uint32), arrays.room((0,), np.uint32), arrays.room((0, 2), np.float32), arrays.room((0, 3), np.float32)
+    names, numbers = arrays.room((2, count), np.uint32), arrays.room((5 * count,), np.float32)
+    return names[0], names[1], numbers[: 2 * count].reshape(count, 2), numbers[2 * count :].reshape(count, 3)
+
+
+def _shaped(columns: Columns, shape: tuple[int, ...]) -> Columns:
+    geometry, face, weights, normals = columns
+    return geometry.reshape(shape), face.reshape(shape), weights.reshape(*shape, 2), normals.reshape(*shape, 3)
 
 
 class RaycastingScene:
@@ -97,27 +118,31 @@ class RaycastingScene:
             self._starts = np.concatenate([[0], np.cumsum([len(part) for part in self._faces])]).astype(np.uint32)
         return self._tree
 
-    def _named(self, triangle: U32, u: F32, v: F32, nthreads: Any) -> tuple[U32, U32, F32, F32]:
-        """Geometries, faces, weights and unit normals of faces of the tree; normals are 0 for a miss."""
+    def _table(self) -> F32:
+        """The unit normals of the tree's faces; 0 for faces that have none."""
         tree = self._built()
         if self._normals is None:
             own = normals_of(tree.vertices, tree.faces, np.arange(len(tree), dtype=np.int64))
             self._normals = np.nan_to_num(own).astype(np.float32)
-        count = (triangle.size,)
-        geometry, face = arrays.room(count, np.uint32), arrays.room(count, np.uint32)
-        weights, normals = arrays.room((*count, 2), np.float32), arrays.room((*count, 3), np.float32)
+        return self._normals
+
+    def _named(self, triangle: U32, u: F32, v: F32, nthreads: Any) -> Columns:
+        """Geometries, faces, weights and unit normals of faces of the tree; normals are 0 for a miss."""
+        table, columns = self._table(), _columns(triangle.size)
         flat = triangle.reshape(-1), u.reshape(-1), v.reshape(-1)
-        call = (_threads(nthreads), None)
-        _native.named(*flat, self._starts, self._normals, geometry, face, weights, normals, call)
-        shape = triangle.shape
-        return geometry.reshape(shape), face.reshape(shape), weights.reshape(*shape, 2), normals.reshape(*shape, 3)
+        _native.named(*flat, self._starts, table, *columns, (_threads(nthreads), None))
+        return _shaped(columns, triangle.shape)
 
     def cast_rays(self, rays: Any, nthreads: int = 0) -> dict[str, Any]:
         """The first hit of rays (..., 6) float32: ``t_hit``, ``geometry_ids``, ``primitive_ids``, ``primitive_uvs``, ``primitive_normals``."""
-        hits = self._built().closest_hits(_float32(rays, "rays", 6), threads=_threads(nthreads))
-        geometry, face, weights, normals = self._named(hits.triangle, hits.u, hits.v, nthreads)
+        rows = _float32(rays, "rays", 6)
+        leading, rows = rows.shape[:-1], rows.reshape(-1, 6)
+        tree, table, columns = self._built()._native, self._table(), _columns(len(rows))
+        t = arrays.room((len(rows),), np.float32)
+        _native.cast_named(tree, rows, self._starts, table, t, *columns, (_threads(nthreads), None))
+        geometry, face, weights, normals = _shaped(columns, leading)
         return {
-            "t_hit": hits.t.copy(),
+            "t_hit": t.reshape(leading),
             "geometry_ids": geometry,
             "primitive_ids": face,
             "primitive_uvs": weights,

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, ClassVar, Dict, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -60,6 +60,9 @@ class BackendInfo(NamedTuple):
     reason: str
 
 
+Some = TypeVar("Some", bound="Hits")
+
+
 @dataclass(frozen=True)
 class Hits:
     """The closest hit of each ray: the one of least (t, triangle).
@@ -67,6 +70,9 @@ class Hits:
     The arrays are columns of one array of records, as the library writes them, so a column is not contiguous:
     ``np.ascontiguousarray`` makes a copy that is.
     """
+
+    #: Columns of the library's records, of 32 bits each, in their order, and their dtypes.
+    _columns: ClassVar[Dict[str, Any]] = {"t": np.float32, "triangle": np.uint32, "u": np.float32, "v": np.float32}
 
     #: Distance in units of the ray's direction, float32; infinity for a miss.
     t: F32
@@ -83,11 +89,48 @@ class Hits:
         """Which rays hit something."""
         return np.asarray(self.triangle != np.uint32(MISS))
 
+    # Columns are made when they are first asked for: for a batch that takes less than a millisecond, making all of them counts.
+    @classmethod
+    def _of(cls: type[Some], records: F32, leading: tuple[int, ...], report: Report) -> Some:
+        """The hits of records (n, columns), in the shape of the rays."""
+        hits = cls.__new__(cls)
+        own = hits.__dict__
+        own["_records"], own["_leading"], own["report"] = records, leading, report
+        return hits
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            own = self.__dict__
+            if name not in type(self)._columns or "_records" not in own:
+                raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")
+            made = own[name] = self._column(name)
+            return made
+
+    def _column(self, name: str) -> Any:
+        own, columns = self.__dict__, type(self)._columns
+        return own["_records"].view(columns[name])[:, list(columns).index(name)].reshape(own["_leading"])
+
+    def _records_for(self, leading: tuple[int, ...]) -> F32 | None:
+        """The records that these hits are columns of, for others of this shape to be written over; none where it is not so simple."""
+        own = self.__dict__
+        records: F32 | None = own.get("_records")
+        if records is None or own["_leading"] != leading or not records.flags.writeable:
+            return None
+        made = (own[name] for name in type(self)._columns if name in own)
+        return records if all(column.flags.writeable for column in made) else None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), tuple(getattr(self, field.name) for field in fields(self))
+
 
 @dataclass(frozen=True)
 class SceneHits(Hits):
     """The closest hit of each ray in a scene: the one of least (t, instance, triangle)."""
 
+    _columns: ClassVar[Dict[str, Any]] = {
+        "t": np.float32, "u": np.float32, "v": np.float32, "triangle": np.uint32, "geometry": np.uint32, "instance": np.uint32
+    }  # fmt: skip
     #: Names of geometries, uint32; :data:`splitplane.MISS` for a miss.
     geometry: U32
     #: Names of instances, uint32; :data:`splitplane.MISS` for a miss.

@@ -14,7 +14,7 @@ from ._edits import Edits
 from ._options import backend_arguments, build_arguments, ignored_instance, ignored_list
 from .errors import DtypeError
 from .results import Located, Report, SceneClosestPoints, SceneCrossings, SceneHits, SceneOverlaps
-from .tree import SCENE_HIT, distances_and_points, file_of, hits_in, hits_of, normals_of, occluded_in, points_of, rays_of, volumes_of
+from .tree import distances_and_points, file_of, hits_in, hits_of, normals_of, occluded_in, points_of, rays_of, volumes_of
 
 
 class Scene(Edits):
@@ -80,8 +80,7 @@ class Scene(Edits):
         rows, limits, leading, rounded = rays_of(rays, t_min, t_max, None)
         records, columns = hits_in(out, SceneHits, leading, rows)
         counts = native.closest_hits(rows, limits, options, records, call)
-        t, u, v, triangle, geometry, instance = hits_of(records, columns, SCENE_HIT, leading)
-        return SceneHits(t, triangle, u, v, Report(*counts, rounded), geometry, instance)
+        return hits_of(SceneHits, records, columns, leading, Report(*counts, rounded))
 
     def any_hits(
         self,

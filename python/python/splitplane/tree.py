@@ -13,13 +13,32 @@ from ._arrays import F32, F64, U32, Bool, I64, Progress
 from ._handle import Handle
 from ._options import Backend, BuildArguments, backend_arguments, build_arguments, query_arguments
 from .errors import ConfigError, DtypeError, FileError, RangeError, ShapeError
-from .results import ClosestPoints, Crossings, Hits, Impacts, Located, Overlaps, Report, Summary
+from .results import ClosestPoints, Crossings, Hits, Impacts, Located, Overlaps, Report, Some, Summary
+
+
+class Shifted:
+    """Rays (n, 6) float32 whose origins are relative to the tree's origin already."""
+
+    def __init__(self, rows: F32) -> None:
+        self.rows = rows
+
+
+FLOAT32 = np.dtype(np.float32)
+#: The limits of rays that were given none.
+NO_LIMITS = (0.0, float("inf"))
 
 
 def rays_of(
     rays: Any, t_min: Any, t_max: Any, origin: F64 | None
 ) -> tuple[F32, tuple[Any, Any], tuple[int, ...], int]:
     """Rays as rows of 6 or 8 numbers, their limits, their shape, and how many numbers were rounded."""
+    if type(rays) is Shifted:
+        rays, origin = rays.rows, None
+    # What needs no change, first: of a batch that takes less than a millisecond, checks are a part that counts.
+    if type(rays) is np.ndarray and rays.dtype is FLOAT32 and origin is None and t_min is None and t_max is None:
+        shape, flags = rays.shape, rays.flags
+        if len(shape) == 2 and (shape[1] == 6 or shape[1] == 8) and flags.c_contiguous and flags.aligned:
+            return rays, NO_LIMITS, shape[:1], 0
     given = arrays.as_array(rays, "rays")
     if given.ndim and given.shape[-1] == 8:
         if t_min is not None or t_max is not None:
@@ -259,8 +278,7 @@ class Tree(Handle[_native.Tree]):
         rows, limits, leading, rounded = rays_of(rays, t_min, t_max, self._origin)
         records, columns = hits_in(out, Hits, leading, rows)
         counts = native.closest_hits(rows, limits, options, records, call)
-        t, triangle, u, v = hits_of(records, columns, HIT, leading)
-        return Hits(t, triangle, u, v, Report(*counts, rounded))
+        return hits_of(Hits, records, columns, leading, Report(*counts, rounded))
 
     def any_hits(
         self,
@@ -550,11 +568,6 @@ def checked_origin(origin: F64 | None) -> F64 | None:
     return origin
 
 
-#: Columns of the library's records of hits, of 32 bits each, and their dtypes.
-HIT = {"t": np.float32, "triangle": np.uint32, "u": np.float32, "v": np.float32}
-SCENE_HIT = {"t": np.float32, "u": np.float32, "v": np.float32, "triangle": np.uint32, "geometry": np.uint32, "instance": np.uint32}
-
-
 def columns_of(records: F32, fields: dict[str, Any]) -> list[Any]:
     """The columns of records, which share their memory."""
     return [records.view(dtype)[:, place] for place, dtype in enumerate(fields.values())]
@@ -562,12 +575,15 @@ def columns_of(records: F32, fields: dict[str, Any]) -> list[Any]:
 
 def hits_in(out: Any, kind: type[Hits], leading: tuple[int, ...], rows: F32) -> tuple[F32, dict[str, Any] | None]:
     """Room for records of hits, (n, 4) or (n, 6): new, or that of earlier hits; and columns of the caller's into which they are copied then."""
-    fields = HIT if kind is Hits else SCENE_HIT
+    fields = kind._columns
     shape = (len(rows), len(fields))
     if out is None:
         return arrays.room(shape, np.float32), None
     if not isinstance(out, kind):
         raise DtypeError(f"out must be a {kind.__name__}, not {type(out).__name__}")
+    records = out._records_for(leading) if type(out) is kind else None
+    if records is not None and not np.may_share_memory(records, rows):
+        return records, None
     given = {name: getattr(out, name) for name in fields}
     records = records_of(given, fields, leading, shape)
     if records is not None and not np.may_share_memory(records, rows):
@@ -596,14 +612,13 @@ def records_of(given: dict[str, Any], fields: dict[str, Any], leading: tuple[int
     return records
 
 
-def hits_of(records: F32, columns: dict[str, Any] | None, fields: dict[str, Any], leading: tuple[int, ...]) -> list[Any]:
-    """The columns of records that were filled: views of them, or the caller's."""
-    found = [column.reshape(leading) for column in columns_of(records, fields)]
+def hits_of(kind: type[Some], records: F32, columns: dict[str, Any] | None, leading: tuple[int, ...], report: Report) -> Some:
+    """The records that were filled as hits; or the caller's columns, into which they are copied."""
     if columns is None:
-        return found
-    for column, own in zip(found, columns.values()):
-        own[...] = column
-    return list(columns.values())
+        return kind._of(records, leading, report)
+    for own, column in zip(columns.values(), columns_of(records, kind._columns)):
+        own[...] = column.reshape(leading)
+    return kind(**columns, report=report)
 
 
 def occluded_in(out: Any, leading: tuple[int, ...], rows: F32) -> Any:

@@ -20,9 +20,11 @@ from trimesh import triangles as triangles_of
 from trimesh.constants import tol
 from trimesh.ray.ray_util import contains_points as contains_by_rays
 
+from . import _arrays as arrays
+from . import _native
 from ._arrays import F32, F64, I64, MISS, Bool
 from .points import PointTree
-from .tree import Tree
+from .tree import Shifted, Tree
 
 
 def use(mesh: Any) -> Any:
@@ -80,13 +82,15 @@ class RayMeshIntersector:
             all_hits = tree.all_hits(rows)
             rays = all_hits.ray
             depth = np.arange(len(rays)) - all_hits.starts[rays]
-            order = np.lexsort((rays, depth))
+            # They are in the order of the rays already; numbers of 16 bits are sorted by digits.
+            narrow = depth.astype(np.uint16 if depth.max(initial=0) <= 0xFFFF else np.int64)
+            order = np.argsort(narrow, kind="stable")
             order = order[: int(np.count_nonzero(depth < max_hits))]
             rays, faces = rays[order], all_hits.triangle[order].astype(np.int64)
             u, v = all_hits.u[order], all_hits.v[order]
         else:
             hits = tree.closest_hits(rows)
-            rays = np.nonzero(hits.hit)[0]
+            rays = np.flatnonzero(hits.hit)
             faces = hits.triangle[rays].astype(np.int64)
             u, v = hits.u[rays], hits.v[rays]
         if return_locations:
@@ -95,13 +99,17 @@ class RayMeshIntersector:
 
     def intersects_first(self, ray_origins: Any, ray_directions: Any, **kwargs: Any) -> I64:
         """The face that each ray hits first, (n,) int64; -1 for a miss."""
-        _, _, rows = self._rays(ray_origins, ray_directions)
-        hits = tree_of(self.mesh).closest_hits(rows, **kwargs)
-        return np.where(hits.hit, hits.triangle.astype(np.int64), -1)
+        _, _, rows = self._rays(ray_origins, ray_directions, kwargs.get("threads"))
+        tree = tree_of(self.mesh)
+        triangle = tree.closest_hits(rows, **kwargs).triangle
+        if len(tree) < 1 << 31:
+            # As int32 the mark of a miss is -1.
+            return triangle.view(np.int32).astype(np.int64)
+        return np.where(triangle != np.uint32(MISS), triangle.astype(np.int64), -1)
 
     def intersects_any(self, ray_origins: Any, ray_directions: Any, **kwargs: Any) -> Bool:
         """Whether each ray hits the surface, (n,) bool."""
-        _, _, rows = self._rays(ray_origins, ray_directions)
+        _, _, rows = self._rays(ray_origins, ray_directions, kwargs.get("threads"))
         return tree_of(self.mesh).any_hits(rows, **kwargs)
 
     def contains_points(self, points: Any) -> Bool:
@@ -111,27 +119,26 @@ class RayMeshIntersector:
             return contains_by_rays(self, points)  # type: ignore[no-any-return]
         return tree_of(self.mesh).contains(points, rule="evenodd")
 
-    def _rays(self, origins: Any, directions: Any) -> tuple[F64, F64, F64]:
-        """Rays in float64, and as rows of eight numbers."""
-        given = np.asanyarray(origins), np.asanyarray(directions)
-        origins, directions = (np.array(one, dtype=np.float64) for one in given)
+    def _rays(self, origins: Any, directions: Any, threads: Any = None) -> tuple[F64, F64, Shifted]:
+        """Origins and directions in float64 as given, and rays as the tree takes them, with directions of length 1."""
+        given = np.asarray(origins), np.asarray(directions)
+        origins, directions = (np.require(one, np.float64, ["C", "A"]) for one in given)
         if origins.shape != directions.shape:
             raise ValueError("Ray origin and direction don't match!")
         if origins.ndim != 2 or origins.shape[1] != 3:
             if origins.size:
                 raise ValueError("rays must be (n, 3)!")
             origins, directions = origins.reshape(0, 3), directions.reshape(0, 3)
-        rows = np.empty((len(origins), 8))
-        rows[:, :3] = origins
-        rows[:, 3], rows[:, 7] = 0.0, np.inf
-        with np.errstate(invalid="ignore", divide="ignore"):
-            length = np.sqrt(util.diagonal_dot(directions, directions))
-            directions = directions / np.where(length > 0, length, 1.0)[:, None]
-        rows[:, 4:7] = directions
-        return origins, directions, rows
+        rows = arrays.room((len(origins), 6), np.float32)
+        shift = tree_of(self.mesh).origin
+        around = (0.0, 0.0, 0.0) if shift is None else (float(shift[0]), float(shift[1]), float(shift[2]))
+        _native.unit_rays(origins, directions, around, rows, arrays.call(threads, None))
+        return origins, directions, Shifted(rows)
 
     def _places(self, faces: I64, u: F32, v: F32, origins: F64, directions: F64) -> F64:
         """Where rays meet the planes of faces; where a ray is nearly in the plane, what the weights say."""
+        length = np.sqrt(util.diagonal_dot(directions, directions))
+        directions = directions / np.where(length > 0, length, 1.0)[:, None]
         a, b, c = (self.mesh.triangles.view(np.ndarray)[faces, corner] for corner in range(3))
         normal = np.cross(b - a, c - a)
         fall = util.diagonal_dot(normal, directions)
