@@ -132,18 +132,20 @@ fn binned_costs_and_places_at_their_limits() {
     }
 }
 
+/// A configuration that wants many nodes and allows few: 4,096 more than triangles.
+fn capped(config: BuildConfig) -> BuildConfig {
+    BuildConfig { block_width: 1, ..config }.with_stages(|stages| {
+        stages.small_node_limit = 2;
+        stages.nodes_per_triangle = 1;
+    })
+}
+
 /// Caps that bind in the middle of a level, among more nodes than one workgroup takes at once.
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn caps_that_bind() {
     let backend = WgpuBackend::new(Gpu::clone(&common::gpu())).expect("a backend");
-    let config =
-        BuildConfig { block_width: 1, references_per_triangle: 1, ..BuildConfig::default() }
-            .with_stages(|stages| {
-                stages.small_node_limit = 2;
-                stages.nodes_per_triangle = 1;
-            });
-    // 4,096 more nodes than triangles are allowed: enough triangles to want more.
+    let config = capped(BuildConfig { references_per_triangle: 1, ..BuildConfig::default() });
     for config in by_every_staged_builder(config) {
         check(&backend, &scenes::soup(20_000, 0.02, 3), &config);
         check(&backend, &scenes::soup(12_000, 0.4, 4), &config);
@@ -169,7 +171,6 @@ fn planted_faults_are_named() {
         (K::ClassifyReferences, "lo < position || hi <= position", "lo < position"),
         (K::ClassifyReferences, "DECISION_COUNTS + lane", "DECISION_COUNTS + 1u - lane"),
         (K::ClassifyReferences, "count << (16u * lane)", "count"),
-        (K::AllocateChildren, "sum <= parameters.reference_cap", "sum < 8u"),
         (K::ScatterReferences, "ratio, along", "ratio, along * 1.0001"),
         (K::BuildMiddle, "own.level + levels", "own.level"),
         (K::BuildMiddle, "ordered_bits(bounds.lo.x)", "ordered_bits(bounds.lo.y)"),
@@ -220,6 +221,8 @@ fn planted_faults_are_named() {
         .joined(&scenes::soup(3000, 0.4, 9), "faults");
     // Bounds that are flat on an axis; triangles that no plane separates.
     let (flat, same) = (scenes::coplanar(1, 500), scenes::identical(500));
+    // For caps that bind: on references of large triangles, and on nodes alone.
+    let (large, many) = (scenes::soup(12_000, 0.4, 4), scenes::soup(20_000, 0.02, 3));
     let of_flat = (K::BinReferences, "if !axes[axis].divisible", "if false", balanced);
     let of_same = (K::SplitBinned, "node.inseparable == 1u", "false", balanced);
     // Triangles small enough for the middle stage to finish.
@@ -229,6 +232,21 @@ fn planted_faults_are_named() {
         false => (plant, &scene),
     });
     let plants = plants.chain([(of_flat, &flat), (of_same, &same)]);
+    let references = capped(BuildConfig { references_per_triangle: 1, ..fast });
+    let nodes = capped(fast);
+    let of_caps = [
+        ("sum <= parameters.reference_cap", "sum < 8u", references, &large),
+        (
+            "saturating_sum(alive, references) > parameters.reference_cap",
+            "false",
+            references,
+            &large,
+        ),
+        ("top_count + MOST_EMITTED * present > parameters.node_cap", "false", nodes, &many),
+    ];
+    let of_caps = of_caps
+        .map(|(text, fault, config, scene)| ((K::AllocateChildren, text, fault, config), scene));
+    let plants = plants.chain(of_caps);
     let gpu = common::gpu();
     let mut missed = Vec::new();
     for ((kernel, text, fault, config), scene) in plants {

@@ -16,8 +16,11 @@
 
 const LANES: u32 = 256u;
 
+// The counters before this dispatch.
+var<workgroup> counted: array<u32, 32>;
+// How many nodes are active, and 1 where a cap may bind in this level.
+var<workgroup> level_plan: vec2<u32>;
 // Running totals, as of the nodes done so far.
-var<workgroup> node_count: u32;
 var<workgroup> alive: u32;
 var<workgroup> alive_before: u32;
 var<workgroup> top_count: u32;
@@ -33,6 +36,9 @@ var<workgroup> unfinished: atomic<u32>;
 // By lane: nodes to emit, growth of the references; then what the caps made of them.
 var<workgroup> wanted: array<vec2<u32>, LANES>;
 var<workgroup> verdicts: array<u32, LANES>;
+
+// Most top nodes of one node: those of six cuts and a split.
+const MOST_EMITTED: u32 = 14u;
 
 const SPLIT: u32 = 0u;
 // The split is refused, the cuts stay.
@@ -102,7 +108,7 @@ fn place_child(
     } else {
         top_nodes[top] = TopNode(SMALL_ROOT, 0u, index, 0u);
         // Levels before the one that would split it.
-        let level = counters[COUNTER_LEVELS] + select(1u, 0u, decision.axis == TRANSFER);
+        let level = counted[COUNTER_LEVELS] + select(1u, 0u, decision.axis == TRANSFER);
         if index < parameters.small_root_room {
             small_roots[index] =
                 SmallRoot(cell.lo, first, cell.hi, count, top, depth, level, 0u);
@@ -118,25 +124,36 @@ fn is_large(decision: Decision, count: u32) -> bool {
 @compute @workgroup_size(256)
 fn main(@builtin(local_invocation_index) lane: u32) {
     opaque_zero = parameters.zero;
+    // One load by each invocation; no later one waits for a counter.
+    if lane < 32u {
+        counted[lane] = counters[lane];
+    }
+    workgroupBarrier();
     if lane == 0u {
         atomicStore(&unfinished, 0u);
-        node_count = active_node_count();
-        let level = counters[COUNTER_LEVELS];
-        top_count = counters[COUNTER_TOP_NODES];
-        alive = counters[COUNTER_SMALL_REFERENCES] + counters[COUNTER_ACTIVE_REFERENCES + parameters.swapped];
+        let present = select(0u, counted[COUNTER_ACTIVE_NODES + parameters.swapped], counted[COUNTER_OVERFLOW] == 0u);
+        let references = counted[COUNTER_ACTIVE_REFERENCES + parameters.swapped];
+        let level = counted[COUNTER_LEVELS];
+        top_count = counted[COUNTER_TOP_NODES];
+        alive = counted[COUNTER_SMALL_REFERENCES] + references;
         alive_before = alive;
         next_count = 0u;
         next_reference_count = 0u;
         next_chunk_count = 0u;
-        small_count = counters[COUNTER_SMALL_ROOTS];
-        small_reference_count = counters[COUNTER_SMALL_REFERENCES];
-        if node_count > 0u && level < parameters.level_room {
+        small_count = counted[COUNTER_SMALL_ROOTS];
+        small_reference_count = counted[COUNTER_SMALL_REFERENCES];
+        if present > 0u && level < parameters.level_room {
             level_starts[level] = top_count;
         }
+        // A split adds no more than its node has, since each reference has at most a part on either side.
+        let capped = top_count + MOST_EMITTED * present > parameters.node_cap
+            || saturating_sum(alive, references) > parameters.reference_cap;
+        level_plan = vec2<u32>(present, select(0u, 1u, capped));
     }
-    let nodes = workgroupUniformLoad(&node_count);
+    let plan = workgroupUniformLoad(&level_plan);
+    let nodes = plan.x;
     for (var start = 0u; start < nodes; start += LANES) {
-        place_nodes(start, min(LANES, nodes - start), lane);
+        place_nodes(start, min(LANES, nodes - start), plan.y == 1u, lane);
     }
     if lane == 0u {
         // With no active nodes the next list becomes empty and all else stays.
@@ -148,10 +165,10 @@ fn main(@builtin(local_invocation_index) lane: u32) {
             if parameters.hand_over_limit > parameters.small_node_limit {
                 counters[COUNTER_MIDDLE_ROOTS] = small_count;
             }
-            counters[COUNTER_GROWTH] = saturating_sum(counters[COUNTER_GROWTH], alive - alive_before);
+            counters[COUNTER_GROWTH] = saturating_sum(counted[COUNTER_GROWTH], alive - alive_before);
             counters[COUNTER_SMALL_REFERENCES] = small_reference_count;
             counters[COUNTER_TOP_NODES] = top_count;
-            counters[COUNTER_LEVELS] += 1u;
+            counters[COUNTER_LEVELS] = counted[COUNTER_LEVELS] + 1u;
             var overflow = 0u;
             overflow |= select(0u, OVERFLOW_NODES, next_count > parameters.node_room);
             overflow |= select(0u, OVERFLOW_REFERENCES, next_reference_count > parameters.reference_room);
@@ -159,7 +176,7 @@ fn main(@builtin(local_invocation_index) lane: u32) {
             overflow |= select(0u, OVERFLOW_SMALL_ROOTS, small_count > parameters.small_root_room);
             overflow |= select(0u, OVERFLOW_SMALL_REFERENCES, small_reference_count > parameters.small_reference_room);
             overflow |= select(0u, OVERFLOW_TOP_NODES, top_count > parameters.top_node_room);
-            overflow |= select(0u, OVERFLOW_LEVELS, counters[COUNTER_LEVELS] > parameters.level_room);
+            overflow |= select(0u, OVERFLOW_LEVELS, counted[COUNTER_LEVELS] >= parameters.level_room);
             overflow |= select(0u, OVERFLOW_UNFINISHED, atomicLoad(&unfinished) == 1u);
             if overflow != 0u {
                 counters[COUNTER_OVERFLOW] = overflow;
@@ -168,8 +185,8 @@ fn main(@builtin(local_invocation_index) lane: u32) {
     }
 }
 
-// Up to 256 nodes, one a lane.
-fn place_nodes(start: u32, count: u32, lane: u32) {
+// Up to 256 nodes, one a lane. `capped` says whether a cap may bind.
+fn place_nodes(start: u32, count: u32, capped: bool, lane: u32) {
     let index = start + lane;
     let present = lane < count;
     var node: LargeNode;
@@ -189,33 +206,18 @@ fn place_nodes(start: u32, count: u32, lane: u32) {
         worst = 2u * decision.cut_count + 2u;
     }
     // Growth of 256 nodes may pass 2^32: low and high halves are summed apart.
-    let none = vec4<u32>(0u);
-    let before = exclusive_scan(lane, count, Sums(vec4<u32>(worst, growth & 0xffffu, growth >> 16u, 0u), none)).a;
-    let most = scan_totals(count).a;
-    if lane == 0u {
-        one_by_one = select(0u, 1u, top_count + most.x > parameters.node_cap);
-    }
-    if workgroupUniformLoad(&one_by_one) == 1u {
-        if lane == 0u {
-            judge_one_by_one(count);
-        }
-        workgroupBarrier();
-    } else {
-        if present {
-            let sum = alive_after(before + vec4<u32>(0u, growth & 0xffffu, growth >> 16u, 0u));
-            let splits = (wanted[lane].x & 1u) == 1u;
-            verdicts[lane] = select(REFUSED, SPLIT, splits && sum <= parameters.reference_cap);
-        }
-        workgroupBarrier();
-        if lane == 0u {
-            alive = alive_after(most);
-        }
+    let halves = vec2<u32>(growth & 0xffffu, growth >> 16u);
+    if capped {
+        judge(count, worst, halves, present, lane);
     }
     var places = vec4<u32>(0u);
     var emitted = 0u;
     var chunks = 0u;
     if present {
-        let verdict = verdicts[lane];
+        var verdict = select(REFUSED, SPLIT, decision.axis != TRANSFER);
+        if capped {
+            verdict = verdicts[lane];
+        }
         if verdict == REFUSED_ALL {
             decision.cut_count = 0u;
         }
@@ -235,7 +237,7 @@ fn place_nodes(start: u32, count: u32, lane: u32) {
             }
         }
     }
-    let firsts = exclusive_scan(lane, count, Sums(places, vec4<u32>(emitted, chunks, 0u, 0u)));
+    let firsts = exclusive_scan(lane, count, Sums(places, vec4<u32>(emitted, chunks, halves.x, halves.y)));
     let totals = scan_totals(count);
     if present {
         decision.first_node = top_count + firsts.b.x;
@@ -250,15 +252,44 @@ fn place_nodes(start: u32, count: u32, lane: u32) {
         small_count += totals.a.z;
         small_reference_count += totals.a.w;
         top_count += totals.b.x;
+        if !capped {
+            alive = alive_after(totals.b.zw);
+        }
         next_chunk_count += totals.b.y;
     }
     workgroupBarrier();
 }
 
+// The caps: a verdict for each of up to 256 nodes, from the most top nodes that it may emit and its growth by halves. All
+// invocations must call it.
+fn judge(count: u32, worst: u32, growth: vec2<u32>, present: bool, lane: u32) {
+    let before = exclusive_scan(lane, count, Sums(vec4<u32>(worst, growth.x, growth.y, 0u), vec4<u32>(0u))).a;
+    let most = scan_totals(count).a;
+    if lane == 0u {
+        one_by_one = select(0u, 1u, top_count + most.x > parameters.node_cap);
+    }
+    if workgroupUniformLoad(&one_by_one) == 1u {
+        if lane == 0u {
+            judge_one_by_one(count);
+        }
+        workgroupBarrier();
+    } else {
+        if present {
+            let sum = alive_after(before.yz + growth);
+            let splits = (wanted[lane].x & 1u) == 1u;
+            verdicts[lane] = select(REFUSED, SPLIT, splits && sum <= parameters.reference_cap);
+        }
+        workgroupBarrier();
+        if lane == 0u {
+            alive = alive_after(most.yz);
+        }
+    }
+}
+
 // What is alive after growth that was summed in halves.
-fn alive_after(sums: vec4<u32>) -> u32 {
-    let high = sums.z + (sums.y >> 16u);
-    let grown = select((high << 16u) | (sums.y & 0xffffu), 0xffffffffu, high > 0xffffu);
+fn alive_after(sums: vec2<u32>) -> u32 {
+    let high = sums.y + (sums.x >> 16u);
+    let grown = select((high << 16u) | (sums.x & 0xffffu), 0xffffffffu, high > 0xffffu);
     return saturating_sum(alive, grown);
 }
 

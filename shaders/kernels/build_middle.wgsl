@@ -270,7 +270,11 @@ fn build(index: u32, lane: u32) -> u32 {
         middle_references[leaf_source + lane] = small_references[own.first + lane];
     }
     var levels = 0u;
-    while workgroupUniformLoad(&node_count) > 0u {
+    loop {
+        let nodes = workgroupUniformLoad(&node_count);
+        if nodes == 0u {
+            break;
+        }
         let handed = levels == 0u;
         let turn = levels % 2u;
         begin_level(turn, lane);
@@ -283,13 +287,13 @@ fn build(index: u32, lane: u32) -> u32 {
         }
         divide(handed, lane);
         cut_references(handed, lane);
-        let found = emit(turn, lane);
+        let found = emit(nodes, turn, lane);
         levels += 1u;
         if workgroupUniformLoad(&outgrown_now) == 1u {
             break;
         }
         place_children(found, turn, lane);
-        scatter(handed, lane);
+        scatter(handed, nodes, lane);
         if lane == 0u {
             source = list_first[turn];
             node_count = found_nodes;
@@ -641,7 +645,7 @@ struct Found {
 }
 
 // Counts the children of the level, and takes parts of the pool for their references.
-fn emit(turn: u32, lane: u32) -> Found {
+fn emit(nodes: u32, turn: u32, lane: u32) -> Found {
     var packed = vec2<u32>(0u);
     var counts = vec2<u32>(0u);
     if lane < node_count {
@@ -661,8 +665,8 @@ fn emit(turn: u32, lane: u32) -> Found {
             atomicAdd(&growth, max(counts.x + counts.y, size) - size);
         }
     }
-    let upto = inclusive_scan(lane, packed);
-    let total = scan_sum();
+    let upto = inclusive_scan_of(nodes, lane, packed);
+    let total = scan_sum_of(nodes);
     if lane == 0u {
         found_references = total.x & 0xffffu;
         found_nodes = total.y & 0xffu;
@@ -770,7 +774,7 @@ fn put_leaf(
 }
 
 // Moves references to the children, and bounds the next nodes.
-fn scatter(handed: bool, lane: u32) {
+fn scatter(handed: bool, nodes: u32, lane: u32) {
     var i = share_start(lane);
     let end = share_start(lane + 1u);
     var node = 0u;
@@ -832,7 +836,7 @@ fn scatter(handed: bool, lane: u32) {
     storageBarrier();
     workgroupBarrier();
     if lane == 0u {
-        let total = scan_sum();
+        let total = scan_sum_of(nodes);
         emitted += total.y >> 16u;
         leaves += (total.y >> 8u) & 0xffu;
         leaf_references += total.x >> 16u;

@@ -33,7 +33,7 @@ fn main(
     @builtin(local_invocation_index) lane: u32,
 ) {
     opaque_zero = parameters.zero;
-    let end = select(0u, slice_end(active_chunk_count()), active_node_count() > 0u);
+    let end = slice_end(active_chunk_count());
     for (var index = parameters.first + group.x; index < end; index += groups.x) {
         let own = CHUNK_WORDS * index;
         let first = atomicLoad(&chunks[own + 1u]);

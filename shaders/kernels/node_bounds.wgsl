@@ -7,7 +7,7 @@
 @group(0) @binding(0) var<uniform> parameters: Parameters;
 @group(0) @binding(1) var<storage, read> counters: array<u32, 32>;
 @group(0) @binding(2) var<storage, read> active_nodes: array<LargeNode>;
-@group(0) @binding(3) var<storage, read> chunk_state: array<u32>;
+@group(0) @binding(3) var<storage, read> chunk_state: array<vec2<u32>>;
 @group(0) @binding(4) var<storage, read_write> chunks: array<Chunk>;
 @group(0) @binding(5) var<storage, read_write> node_bounds: array<f32>;
 

@@ -60,8 +60,10 @@ fn load_sides(chunk: u32, place: u32, lane: u32) {
     let spans = place / SPAN;
     let first = chunk - place;
     workgroupBarrier();
-    if lane < 16u {
-        side_words[lane] = chunk_state[sides_of(chunk) + lane];
+    // By the last lanes, which have least to load below.
+    if lane >= LANES - 16u {
+        let word = lane - (LANES - 16u);
+        side_words[word] = chunk_state[sides_of(chunk) + word];
     }
     if lane == 0u {
         atomicStore(&cut_count, 0u);
@@ -162,7 +164,7 @@ fn main(
     @builtin(local_invocation_index) lane: u32,
 ) {
     opaque_zero = parameters.zero;
-    let end = select(0u, slice_end(active_chunk_count()), active_node_count() > 0u);
+    let end = slice_end(active_chunk_count());
     for (var index = parameters.first + group.x; index < end; index += groups.x) {
         let chunk = chunks[index];
         let decision = decisions[chunk.node];

@@ -4,7 +4,7 @@ use naga::ir::{AddressSpace, ArraySize, ScalarKind, ShaderStage, StorageAccess, 
 use naga::proc::Layouter;
 use naga::valid::GlobalUse;
 use naga::{GlobalVariable, Handle};
-use splitplane_core::kernel::{Access, Binding, Grid, KernelSet, Slot};
+use splitplane_core::kernel::{Access, Binding, BufferRow, Grid, KernelSet, Slot};
 use splitplane_shaders::ENTRY_POINT;
 
 use crate::sets::Shaders;
@@ -172,7 +172,8 @@ fn storage(written: bool) -> AddressSpace {
 }
 
 /// Whether a variable has the type of a buffer: a list of its elements or of plain words, or the words of
-/// the one record that it holds. What shares one storage has elements of no one size: words.
+/// the one record that it holds. What shares one storage has elements of no one size: words, or pairs of words where the
+/// elements of each are pairs.
 fn is_of<S: Shaders>(parsed: &Parsed, global: &GlobalVariable, buffer: S::Buffer) -> bool {
     let types = &parsed.module.types;
     let TypeInner::Array { base, size, stride } = types[global.ty].inner else { return false };
@@ -189,8 +190,11 @@ fn is_of<S: Shaders>(parsed: &Parsed, global: &GlobalVariable, buffer: S::Buffer
         }
         ArraySize::Dynamic if S::SINGLES.contains(&buffer) => false,
         ArraySize::Dynamic => {
-            let shared = S::BUFFERS.iter().any(|row| row.storage == buffer && row.buffer != buffer);
+            let of_it = |row: &&BufferRow<S>| row.storage == buffer && row.buffer != buffer;
+            let mut held = S::BUFFERS.iter().filter(of_it).peekable();
+            let shared = held.peek().is_some();
             stride == 4
+                || (shared && stride == 8 && held.all(|row| row.element_size.is_multiple_of(8)))
                 || (stride == element && !shared)
                 || (S::BY_FOUR_WORDS && stride == 16 && element.is_multiple_of(16))
                 || (S::PADDED.contains(&buffer) && stride == 16)

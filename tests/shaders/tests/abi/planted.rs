@@ -70,6 +70,7 @@ fn every_fault_is_found() {
         ("read_write> chunks", "read> chunks", "chunks is Storage"),
         ("read> active_nodes", "read_write> active_nodes", "active_nodes is Storage"),
         ("chunks: array<Chunk>", "chunks: array<vec2<u32>>", "chunks has another type"),
+        ("state: array<u32>", "state: array<vec4<u32>>", "chunk_state has another type"),
         ("@group(0) @binding(4)", "@group(1) @binding(4)", "chunks is not in group 0"),
         (
             "@group(0) @binding(4) var<storage, read_write> chunks: array<Chunk>",
