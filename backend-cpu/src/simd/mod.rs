@@ -48,18 +48,21 @@ pub(crate) struct Direction {
     pub table: u32,
     /// Where each place of the order is.
     pub places: [u8; MOST_LANES],
+    /// The same from the other end.
+    pub reversed: [u8; MOST_LANES],
 }
 
 impl Direction {
     /// For orders of `lanes` places.
     pub(crate) const fn new(lanes: usize, backwards: bool) -> Direction {
-        let mut places = [0; MOST_LANES];
+        let (mut places, mut reversed) = ([0; MOST_LANES], [0; MOST_LANES]);
         let mut i = 0;
         while i < lanes {
-            places[i] = if backwards { lanes - 1 - i } else { i } as u8;
+            let (first, last) = (i as u8, (lanes - 1 - i) as u8);
+            (places[i], reversed[i]) = if backwards { (last, first) } else { (first, last) };
             i += 1;
         }
-        Direction { table: if backwards { 256 } else { 0 }, places }
+        Direction { table: if backwards { 256 } else { 0 }, places, reversed }
     }
 }
 

@@ -3,13 +3,13 @@
 #![allow(clippy::undocumented_unsafe_blocks, reason = "one contract for all, that of the trait")]
 
 use core::arch::x86_64::*;
-use core::mem::MaybeUninit;
+use core::hint::select_unpredictable;
 
 mod f32x16;
 mod references;
 
 use crate::simd::avx2::Avx2;
-use crate::simd::{Compiled, Direction, F32x4, Simd};
+use crate::simd::{Compiled, Direction, F32x4, MOST_LANES, Simd};
 use f32x16::Avx512F32x16;
 
 /// [`Simd`] by AVX-512.
@@ -242,7 +242,7 @@ impl Simd for Avx512 {
         to_t: *mut f32,
     ) -> (u32, usize) {
         unsafe {
-            let places = places_in_order(order, direction);
+            let places = places_in_order(order, &direction.places);
             let all = _mm512_permutexvar_epi32(places, _mm512_loadu_si512(children.cast()));
             let met = push_in_order(all, [enter, exit], places, to_children, to_t);
             let last = 15 - (met | 1).leading_zeros() as usize % 16;
@@ -261,16 +261,21 @@ impl Simd for Avx512 {
         to_t: *mut f32,
     ) -> (u32, usize) {
         unsafe {
-            let places = places_in_order(order, direction);
-            let all = _mm512_permutexvar_epi32(places, _mm512_loadu_si512(children.cast()));
-            // All children in order, after the one that is next where none is met: written long before it is known which to read.
-            let mut waiting = MaybeUninit::<[u32; 17]>::uninit();
-            let waiting = waiting.as_mut_ptr().cast::<u32>();
-            *waiting = *to_children.sub(1);
-            _mm512_storeu_si512(waiting.add(1).cast(), all);
+            let below = *to_children.sub(1);
+            let places = places_in_order(order, &direction.places);
+            let children = _mm512_loadu_si512(children.cast());
+            let all = _mm512_permutexvar_epi32(places, children);
             let met = push_in_order(all, [enter, exit], places, to_children, to_t);
-            let next = *waiting.add(32).offset(-(met.leading_zeros() as isize));
-            (next, met.count_ones() as usize)
+            // The same from the other end, so that the last one comes first: without a look-up in memory.
+            let reversed = places_in_order(order, &direction.reversed);
+            let met_there = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(
+                _mm512_permutexvar_ps(reversed, enter),
+                _mm512_permutexvar_ps(reversed, exit),
+            );
+            let from_there = _mm512_permutexvar_epi32(reversed, children);
+            let last = _mm512_maskz_compress_epi32(met_there, from_there);
+            let last = _mm512_cvtsi512_si32(last) as u32;
+            (select_unpredictable(met == 0, below, last), met.count_ones() as usize)
         }
     }
     #[cfg_attr(not(unoptimised), inline(always))]
@@ -279,14 +284,14 @@ impl Simd for Avx512 {
     }
 }
 
-/// The places of children in the order of a direction.
+/// The places of children in an order, read by its own places.
 ///
 /// # Safety
 /// As for [`Simd::push`].
 #[cfg_attr(not(unoptimised), inline(always))]
-unsafe fn places_in_order(order: *const u8, direction: &Direction) -> __m512i {
+unsafe fn places_in_order(order: *const u8, places: &[u8; MOST_LANES]) -> __m512i {
     unsafe {
-        let read = _mm_loadu_si128(direction.places.as_ptr().cast());
+        let read = _mm_loadu_si128(places.as_ptr().cast());
         _mm512_cvtepu8_epi32(_mm_shuffle_epi8(_mm_loadu_si128(order.cast()), read))
     }
 }
