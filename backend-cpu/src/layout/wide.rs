@@ -137,6 +137,16 @@ impl WideNodes {
         (self.depth + 2) * self.lanes + MOST_LANES
     }
 
+    /// Most nodes on a path from the root for which a stack of `entries` is enough.
+    pub(crate) const fn deepest(lanes: usize, entries: usize) -> usize {
+        (entries - MOST_LANES) / lanes - 2
+    }
+
+    /// Most nodes on a path from the root.
+    pub(crate) fn depth(&self) -> usize {
+        self.depth
+    }
+
     /// Bytes of the nodes.
     pub(crate) fn bytes(&self) -> u64 {
         size_of_val(&self.lines[..]) as u64

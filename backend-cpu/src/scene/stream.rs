@@ -263,7 +263,10 @@ impl<'a, T: SceneAnswer, L: Found<'a>, C: Counting> Compiled for Flying<'a, T, L
                     entered += 1;
                     let limits = [ray.t_min, limit_within(ray, &lane.answer.best())];
                     let seen = lane.world.seen_by(placement, limits);
-                    match lane.ray_state.prepare_loaded(&seen, scale, T::QUERY) {
+                    // SAFETY: the caller's contract.
+                    let readiness =
+                        unsafe { lane.ray_state.prepare_loaded::<S>(&seen, scale, T::QUERY) };
+                    match readiness {
                         Readiness::Misses => break 'enter Turn::Refill,
                         Readiness::Ready => {}
                         Readiness::Special => {

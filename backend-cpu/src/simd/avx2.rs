@@ -3,10 +3,11 @@
 #![allow(clippy::undocumented_unsafe_blocks, reason = "one contract for all, that of the trait")]
 
 use core::arch::x86_64::*;
+use core::mem::MaybeUninit;
 
 use super::f32x16::ArrayF32x16;
 use super::references::ReferenceOps;
-use super::{Compiled, Direction, Simd};
+use super::{Compiled, Direction, F32x4, Simd};
 
 /// [`Simd`] by AVX2.
 #[derive(Clone, Copy)]
@@ -238,6 +239,46 @@ impl Simd for Avx2 {
         unsafe {
             let met = Self::le(enter, exit);
             push(children, enter, met, order, direction, to_children, to_t)
+        }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn push_met_alone(
+        children: *const u32,
+        enter: __m256,
+        exit: __m256,
+        order: *const u8,
+        direction: &Direction,
+        to_children: *mut u32,
+        to_t: *mut f32,
+    ) -> (u32, usize) {
+        unsafe {
+            let read = _mm_loadl_epi64(direction.places.as_ptr().cast());
+            let places = _mm_shuffle_epi8(_mm_loadl_epi64(order.cast()), read);
+            let places = _mm256_cvtepu8_epi32(places);
+            let all = _mm256_permutevar8x32_epi32(_mm256_loadu_si256(children.cast()), places);
+            // All children in order, after the one that is next where none is met: written long before it is known which to read.
+            let mut waiting = MaybeUninit::<[u32; 9]>::uninit();
+            let waiting = waiting.as_mut_ptr().cast::<u32>();
+            *waiting = *to_children.sub(1);
+            _mm256_storeu_si256(waiting.add(1).cast(), all);
+            // In order first, then compared: what comes next waits for nothing but the comparison.
+            let t = _mm256_permutevar8x32_ps(enter, places);
+            let met = _mm256_cmp_ps::<_CMP_LE_OQ>(t, _mm256_permutevar8x32_ps(exit, places));
+            let met = _mm256_movemask_ps(met) as u32;
+            let next = *waiting.add(32).offset(-(met.leading_zeros() as isize));
+            let lanes = LANES_OF.get_unchecked(met as usize).as_ptr();
+            let lanes = _mm256_cvtepu8_epi32(_mm_loadl_epi64(lanes.cast()));
+            _mm256_storeu_ps(to_t, _mm256_permutevar8x32_ps(t, lanes));
+            _mm256_storeu_si256(to_children.cast(), _mm256_permutevar8x32_epi32(all, lanes));
+            (next, met.count_ones() as usize)
+        }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn pick([low, high]: [F32x4; 2], places: &[u32; 8], to: &mut [f32; 8]) {
+        unsafe {
+            let places = _mm256_loadu_si256(places.as_ptr().cast());
+            let both = _mm256_set_m128(high.0, low.0);
+            _mm256_storeu_ps(to.as_mut_ptr(), _mm256_permutevar8x32_ps(both, places));
         }
     }
     #[cfg_attr(not(unoptimised), inline(always))]

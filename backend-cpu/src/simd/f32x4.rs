@@ -9,10 +9,12 @@
 #[cfg(target_arch = "x86_64")]
 use core::arch::x86_64::*;
 
+use splitplane_core::aabb::Aabb;
+
 /// Four floats.
 #[derive(Clone, Copy)]
 pub(crate) struct F32x4(
-    #[cfg(target_arch = "x86_64")] __m128,
+    #[cfg(target_arch = "x86_64")] pub(super) __m128,
     #[cfg(not(target_arch = "x86_64"))] [f32; 4],
 );
 
@@ -57,8 +59,12 @@ impl F32x4 {
         le, _mm_cmple_ps, |a, b| yes(a <= b);
         /// A mask: where this is not less than the other.
         not_less, _mm_cmpnlt_ps, |a, b| yes(!(a < b));
+        /// A mask: where this is less than the other.
+        less, _mm_cmplt_ps, |a, b| yes(a < b);
         /// Bits that both have: of two masks, or of a mask and numbers, which are 0 outside of it.
         and, _mm_and_ps, |a, b| f32::from_bits(a.to_bits() & b.to_bits());
+        /// Bits that only the other has: of a mask and numbers, which are 0 in it.
+        other_only, _mm_andnot_ps, |a, b| f32::from_bits(!a.to_bits() & b.to_bits());
         /// Bits that either has.
         or, _mm_or_ps, |a, b| f32::from_bits(a.to_bits() | b.to_bits());
     }
@@ -72,10 +78,15 @@ impl F32x4 {
         return F32x4(row);
     }
 
-    /// Of three, and 0.
+    /// Lower and upper corner of bounds; their fourth places count for nothing. In a load each, since what is read lies together.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(crate) fn of_three([x, y, z]: [f32; 3]) -> F32x4 {
-        F32x4::of([x, y, z, 0.0])
+    pub(crate) fn of_bounds(Aabb { lo, hi }: &Aabb) -> [F32x4; 2] {
+        let low = F32x4::of([lo[0], lo[1], lo[2], hi[0]]);
+        let high = F32x4::of([lo[2], hi[0], hi[1], hi[2]]);
+        #[cfg(target_arch = "x86_64")]
+        return [low, F32x4(unsafe { _mm_shuffle_ps::<0b00_11_10_01>(high.0, high.0) })];
+        #[cfg(not(target_arch = "x86_64"))]
+        return [low, F32x4([high.0[1], high.0[2], high.0[3], high.0[0]])];
     }
 
     /// The same number in all.
@@ -95,13 +106,6 @@ impl F32x4 {
         }
         #[cfg(not(target_arch = "x86_64"))]
         self.0
-    }
-
-    /// The first three.
-    #[cfg_attr(not(unoptimised), inline(always))]
-    pub(crate) fn three(self) -> [f32; 3] {
-        let [x, y, z, _] = self.row();
-        [x, y, z]
     }
 
     /// The sign bits, the first lowest.
@@ -181,26 +185,56 @@ impl F32x4 {
         [0, 1, 2, 3].map(|i| F32x4([rows[0][i], rows[1][i], rows[2][i], 0.0]))
     }
 
-    /// The first three, turned: the second, third and first.
+    /// The first three, and the fourth of others.
     #[cfg_attr(not(unoptimised), inline(always))]
-    fn turned(self) -> F32x4 {
+    pub(crate) fn with_fourth_of(self, other: F32x4) -> F32x4 {
         #[cfg(target_arch = "x86_64")]
-        return F32x4(unsafe { _mm_shuffle_ps::<0b11_00_10_01>(self.0, self.0) });
+        return F32x4(unsafe {
+            let ends = _mm_unpackhi_ps(self.0, other.0);
+            _mm_shuffle_ps::<0b11_00_01_00>(self.0, ends)
+        });
         #[cfg(not(target_arch = "x86_64"))]
-        return F32x4([self.0[1], self.0[2], self.0[0], self.0[3]]);
+        return F32x4([self.0[0], self.0[1], self.0[2], other.0[3]]);
     }
 
-    /// The greatest of the first three, in the place of each of them.
+    /// The third in the place of the fourth.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(crate) fn greatest_of_three(self) -> F32x4 {
-        let turned = self.turned();
-        self.max(turned).max(turned.turned())
+    pub(crate) fn third_last(self) -> F32x4 {
+        #[cfg(target_arch = "x86_64")]
+        return F32x4(unsafe { _mm_shuffle_ps::<0b10_10_01_00>(self.0, self.0) });
+        #[cfg(not(target_arch = "x86_64"))]
+        return F32x4([self.0[0], self.0[1], self.0[2], self.0[2]]);
     }
 
-    /// The least of the first three, in the place of each of them.
+    /// The greatest of all, in the place of each of them.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(crate) fn least_of_three(self) -> F32x4 {
-        let turned = self.turned();
-        self.min(turned).min(turned.turned())
+    pub(crate) fn greatest(self) -> F32x4 {
+        let pairs = self.max(self.paired());
+        pairs.max(pairs.halved())
+    }
+
+    /// The least of all, in the place of each of them; none is no number.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) fn least(self) -> F32x4 {
+        let pairs = self.min(self.paired());
+        pairs.min(pairs.halved())
+    }
+
+    /// Neighbours exchanged.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn paired(self) -> F32x4 {
+        #[cfg(target_arch = "x86_64")]
+        return F32x4(unsafe { _mm_shuffle_ps::<0b10_11_00_01>(self.0, self.0) });
+        #[cfg(not(target_arch = "x86_64"))]
+        return F32x4([self.0[1], self.0[0], self.0[3], self.0[2]]);
+    }
+
+    /// Halves exchanged.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn halved(self) -> F32x4 {
+        #[cfg(target_arch = "x86_64")]
+        return F32x4(unsafe { _mm_shuffle_ps::<0b01_00_11_10>(self.0, self.0) });
+        #[cfg(not(target_arch = "x86_64"))]
+        return F32x4([self.0[2], self.0[3], self.0[0], self.0[1]]);
     }
 }

@@ -216,6 +216,36 @@ pub(crate) trait Simd: ReferenceOps + Copy {
         }
     }
 
+    /// [`Simd::push_met`] for a ray that waits for what comes next, which takes less time here and more work. `to_children` and
+    /// `to_t` follow another entry. Returns the last child that counts, or that entry's where none does, and how many count.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn push_met_alone(
+        children: *const u32,
+        enter: Self::Floats,
+        exit: Self::Floats,
+        order: *const u8,
+        direction: &Direction,
+        to_children: *mut u32,
+        to_t: *mut f32,
+    ) -> (u32, usize) {
+        // SAFETY: the caller's contract.
+        unsafe {
+            let below = *to_children.sub(1);
+            let (nearest, count) =
+                Self::push_met(children, enter, exit, order, direction, to_children, to_t);
+            (core::hint::select_unpredictable(count == 0, below, nearest), count)
+        }
+    }
+
+    /// Eight of the eight numbers of two rows, by their places, to memory.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn pick(rows: [F32x4; 2], places: &[u32; 8], to: &mut [f32; 8]) {
+        let rows = [rows[0].row(), rows[1].row()];
+        for (to, place) in to.iter_mut().zip(places) {
+            *to = rows.as_flattened()[*place as usize % 8];
+        }
+    }
+
     /// The greater of two magnitudes.
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn magnitude(a: Self::Floats, b: Self::Floats) -> Self::Floats {
@@ -256,6 +286,22 @@ pub(crate) trait Compiled {
     /// # Safety
     /// The processor must have the set.
     unsafe fn run<S: Simd>(self) -> Self::Output;
+}
+
+/// The same address, of which the compiler does not know that it is: what is read from there in a loop is read where it says.
+#[cfg_attr(not(unoptimised), inline(always))]
+pub(crate) fn not_known<T>(at: *const T) -> *const T {
+    #[cfg(all(target_arch = "x86_64", not(miri)))]
+    {
+        let mut same = at;
+        // SAFETY: no instruction at all.
+        unsafe {
+            core::arch::asm!("/* {0} */", inout(reg) same, options(nomem, nostack, preserves_flags));
+        }
+        same
+    }
+    #[cfg(not(all(target_arch = "x86_64", not(miri))))]
+    at
 }
 
 /// Asks for the cache line at an address that need not be readable.

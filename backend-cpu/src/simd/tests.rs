@@ -171,6 +171,33 @@ unsafe fn check_stacks<S: Simd>() {
                 assert_eq!(last, children[place]);
             }
 
+            // For a ray alone: what was there before where none is met, and what follows another entry.
+            let (mut to, mut to_t) = ([7; 64], [7.0; 64]);
+            let exit = if random.below(4) == 0 { [f32::NEG_INFINITY; MOST_LANES] } else { exit };
+            let places: Vec<usize> = places.into_iter().filter(|&i| t[i] <= exit[i]).collect();
+            let (next, some) = S::push_met_alone(
+                children.as_ptr(),
+                floats,
+                S::load(exit.as_ptr()),
+                order.as_ptr(),
+                &direction,
+                to.as_mut_ptr().add(3),
+                to_t.as_mut_ptr().add(3),
+            );
+            assert_eq!((to[..3].to_vec(), to[3 + S::N], some), (vec![7; 3], 7, places.len()));
+            for (k, &place) in places.iter().enumerate() {
+                assert_eq!((to[3 + k], to_t[3 + k]), (children[place], t[place]));
+            }
+            assert_eq!(next, places.last().map_or(7, |&place| children[place]));
+
+            let rows =
+                [row(&mut random), row(&mut random)].map(|row| [row[0], row[1], row[2], row[3]]);
+            let from: [u32; 8] = core::array::from_fn(|_| random.below(8) as u32);
+            let mut picked = [0.0; 8];
+            S::pick(rows.map(F32x4::of), &from, &mut picked);
+            let expected = from.map(|place| rows.as_flattened()[place as usize]);
+            assert_eq!(bits(&picked), bits(&expected));
+
             let count = random.below(41);
             let mut t: [f32; 64] = core::array::from_fn(|_| float(&mut random));
             let mut names: [u32; 64] = core::array::from_fn(|i| i as u32);

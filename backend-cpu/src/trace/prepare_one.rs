@@ -2,6 +2,8 @@
 //!
 //! The operations and their order are the same, and so are all bits; a test checks that.
 
+use core::mem::offset_of;
+
 use splitplane_core::query::intersect::{
     COORDINATE_MOST, DIRECTION_LEAST, ORIGIN_LEAST, PLANE_SLACK, SLOPE_LEAST, STOP_SLACK,
     SceneScale,
@@ -9,8 +11,11 @@ use splitplane_core::query::intersect::{
 use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::Ray;
 
-use super::ray_state::{AXES, EXIT_FACTOR, ORIGIN_SLACK, RayState, behind, far_end_is_solid};
-use crate::simd::F32x4;
+use super::ray_state::{
+    AXES_OF_SIGNS, BEHIND_SLACK, EXIT_FACTOR, ORIGIN_SLACK, RAY_STATE_WORDS, RayState, SHEARED,
+    SIGNS, far_end_is_solid,
+};
+use crate::simd::{F32x4, Simd};
 
 /// How to continue with a ray.
 pub(crate) enum Readiness {
@@ -52,113 +57,137 @@ impl LoadedRay {
     #[cfg(test)]
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) fn ray(&self) -> Ray {
-        Ray::new(self.origin.three(), self.direction.three()).with_limits(self.t_min, self.t_max)
+        let ([x, y, z, _], [dx, dy, dz, _]) = (self.origin.row(), self.direction.row());
+        Ray::new([x, y, z], [dx, dy, dz]).with_limits(self.t_min, self.t_max)
     }
 }
 
 impl RayState {
     /// Becomes the state of a ray where it returns [`Readiness::Ready`]. The bounds must not be empty.
+    ///
+    /// # Safety
+    /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(crate) fn prepare(&mut self, ray: &Ray, scene: &SceneScale, query: Query) -> Readiness {
-        self.prepare_loaded(&LoadedRay::new(ray), scene, query)
+    pub(crate) unsafe fn prepare<S: Simd>(
+        &mut self,
+        ray: &Ray,
+        scene: &SceneScale,
+        query: Query,
+    ) -> Readiness {
+        // SAFETY: the caller's contract.
+        unsafe { self.prepare_loaded::<S>(&LoadedRay::new(ray), scene, query) }
     }
 
     /// The same, of a ray whose axes are side by side already.
+    ///
+    /// # Safety
+    /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(crate) fn prepare_loaded(
+    pub(crate) unsafe fn prepare_loaded<S: Simd>(
         &mut self,
         ray: &LoadedRay,
         scene: &SceneScale,
         query: Query,
     ) -> Readiness {
-        let (given_origin, given) = (ray.origin, ray.direction);
+        const {
+            assert!(
+                offset_of!(RayState, near) == 16 && offset_of!(RayState, exit_reciprocal) == 32
+            );
+            assert!(offset_of!(RayState, far) == 48 && offset_of!(RayState, origin) == 64);
+            assert!(offset_of!(RayState, limits) == 96 && offset_of!(RayState, direction) == 112);
+        }
         let most = F32x4::splat(f32::MAX);
+        let zero = F32x4::splat(0.0);
+        // Its fourth is 0, so what comes of that is neither negative nor the largest.
+        let given = ray.direction.with_fourth_of(zero);
         let magnitude = given.abs();
-        let finite = given_origin.abs().le(most).and(magnitude.le(most));
-        let origin = given_origin.at_least(f32::MIN_POSITIVE);
-        let near = F32x4::of_three(scene.near.lo).le(origin);
-        let near = near.and(origin.le(F32x4::of_three(scene.near.hi)));
-        let near = near.and(origin.abs().le(F32x4::splat(COORDINATE_MOST)));
-        let origin = origin.at_least(ORIGIN_LEAST);
-        let is_least = origin.abs().le(F32x4::splat(0.0));
-        let origin = origin.or(F32x4::splat(scene.origin_least).and(is_least));
-        let largest = magnitude.greatest_of_three();
+        let distance = ray.origin.abs();
+        // What is near is finite; an infinite direction has no ordinary power.
+        let [low, high] = F32x4::of_bounds(&scene.near);
+        let near = low.le(ray.origin).and(ray.origin.le(high)).and(magnitude.le(most));
+        let near = near.and(distance.le(F32x4::splat(COORDINATE_MOST)));
+        let known = F32x4::splat(ORIGIN_LEAST).le(distance);
+        let origin = known.and(ray.origin).or(known.other_only(F32x4::splat(scene.origin_least)));
+        let largest = magnitude.greatest();
         // The power of two in it, and its reciprocal.
         let back = largest.and(F32x4::splat(f32::INFINITY));
         let to_unit = F32x4::splat(f32::from_bits(254 << 23)).minus_bits(back);
         let biased = back.row()[0].to_bits() >> 23;
-        let ordinary = (finite.and(near).signs() & ALL_AXES == ALL_AXES)
+        let ordinary = (near.signs() & ALL_AXES == ALL_AXES)
             & (ray.t_min <= ray.t_max)
             & (LEAST_POWER..=MOST_POWER).contains(&biased)
             & !scene.wide;
         if !ordinary {
             return Readiness::Special;
         }
-        let given = given.at_least(f32::MIN_POSITIVE);
-        let direction = given.times(to_unit).at_least(f32::MIN_POSITIVE);
+        let least = F32x4::splat(f32::MIN_POSITIVE);
+        let direction = least.le(magnitude).and(given).times(to_unit).at_least(f32::MIN_POSITIVE);
 
-        let limits = F32x4::of([ray.t_min, ray.t_max, 0.0, 0.0]).times(back);
+        // Limits are in the last two places, where they enter and leave in the last one.
+        let given_limits = F32x4::of([0.0, 0.0, ray.t_min, ray.t_max]);
+        let limits = given_limits.times(back);
         let limits = limits.max(F32x4::splat(-f32::MAX)).min(most).at_least(f32::MIN_POSITIVE);
-        let widen = F32x4::of([-STOP_SLACK, STOP_SLACK, 0.0, 0.0]);
-        let [enter, exit, ..] = limits.plus(limits.abs().times(widen)).row();
-        let [t_min, t_max, ..] = limits.row();
+        let widen = F32x4::of([0.0, 0.0, -STOP_SLACK, STOP_SLACK]);
+        let ends = limits.plus(limits.abs().times(widen));
 
         // Of the direction as given, and scaled then, which is exact: a quotient takes long. Components of
-        // less than `DIRECTION_LEAST` count as that.
-        let reciprocal = F32x4::splat(1.0).over(magnitude).times(back);
-        let reciprocal = reciprocal.min(F32x4::splat(1.0 / DIRECTION_LEAST));
-        let slack = F32x4::splat(scene.slack).times(reciprocal).min(most);
-        let reciprocal = reciprocal.or(direction.and(F32x4::splat(-0.0)));
-        let low = F32x4::of_three(scene.bounds.lo).minus(origin).times(reciprocal);
-        let high = F32x4::of_three(scene.bounds.hi).minus(origin).times(reciprocal);
+        // less than `DIRECTION_LEAST` count as that. Those below the normal range may have any quotient.
+        let size = F32x4::splat(1.0).over(magnitude).times(back);
+        let size = size.min(F32x4::splat(1.0 / DIRECTION_LEAST));
+        // Below 2^38 * 2^80, as scenes are here.
+        let slack = F32x4::splat(scene.slack).times(size);
+        let reciprocal = size.or(direction.and(F32x4::splat(-0.0)));
+        let [low, high] = F32x4::of_bounds(&scene.bounds);
+        let low = low.minus(origin).times(reciprocal);
+        let high = high.minus(origin).times(reciprocal);
         let widened = |t: F32x4| t.abs().times(F32x4::splat(PLANE_SLACK)).plus(slack);
         let (near, far) = (low.min(high), low.max(high));
-        let near = near.minus(widened(near)).greatest_of_three().row()[0];
-        let far = far.plus(widened(far)).least_of_three().row()[0];
-        let enter = if near > enter { near } else { enter };
-        let exit = if far < exit { far } else { exit };
-        if enter > exit {
+        let enter = near.minus(widened(near)).with_fourth_of(ends.third_last()).greatest();
+        let exit = far.plus(widened(far)).with_fourth_of(ends).least();
+        let (first, last) = (enter.row()[0], exit.row()[0]);
+        if first > last {
             return Readiness::Misses;
         }
 
-        let reach = behind(enter, exit);
+        // As `behind` has it.
+        let reach = enter.abs().max(exit.abs()).times(F32x4::splat(BEHIND_SLACK));
+        let reach = enter.less(zero).and(reach);
         let from = origin.times(reciprocal);
-        let base = F32x4::splat(scene.base_slack).times(reciprocal.abs()).min(most);
-        let room =
-            base.plus(from.abs().times(F32x4::splat(ORIGIN_SLACK))).plus(F32x4::splat(reach));
+        let base = F32x4::splat(scene.base_slack).times(size);
+        let room = base.plus(from.abs().times(F32x4::splat(ORIGIN_SLACK))).plus(reach);
         let negative = direction.signs() & ALL_AXES;
         let is_largest = largest.le(magnitude).signs() & ALL_AXES;
-        // The first of the largest components.
-        let axis = is_largest.trailing_zeros() % 3;
-        let axes = axis + 3 * (negative >> axis & 1);
-        let [kx, ky, kz] = AXES[axes as usize % AXES.len()];
-        let (origins, directions) = (origin.row(), direction.row());
-        let [x, y, z, _] = directions;
-        let slopes = F32x4::of([x, y, z, 1.0]).over(F32x4::splat(directions[kz]));
-        let slopes = slopes.at_least(SLOPE_LEAST).row();
-        let solid = (query == Query::Any) & far_end_is_solid(enter, t_min, exit, t_max);
+        let axes = AXES_OF_SIGNS[(is_largest << 3 | negative) as usize] as usize;
+        let main = largest.times(to_unit).or(F32x4::splat(SIGNS[axes % SIGNS.len()]));
+        let slopes = direction.with_fourth_of(F32x4::splat(1.0)).over(main).at_least(SLOPE_LEAST);
+        let [.., t_min, t_max] = limits.row();
+        let solid = (query == Query::Any) & far_end_is_solid(first, t_min, last, t_max);
 
-        self.reciprocal = reciprocal.three();
-        self.near = from.plus(room).three();
         let factor = F32x4::splat(EXIT_FACTOR);
-        self.far = from.minus(room).times(factor).three();
-        self.exit_reciprocal = reciprocal.times(factor).three();
-        (self.enter, self.stop) = (enter, exit);
+        let index = F32x4::splat(f32::from_bits(RayState::NO_RAY));
+        let rows: &mut [[f32; 4]; 8] = bytemuck::cast_mut(self);
+        rows[0] = reciprocal.with_fourth_of(enter).row();
+        rows[1] = from.plus(room).with_fourth_of(exit).row();
+        rows[2] = reciprocal.times(factor).row();
+        rows[3] = from.minus(room).times(factor).with_fourth_of(index).row();
+        // The last word is the offset: none.
+        rows[7] = direction.row();
+        let words: &mut [f32; RAY_STATE_WORDS] = bytemuck::cast_mut(self);
+        let (_, sheared) = words.split_at_mut(16);
+        let sheared = sheared.first_chunk_mut().expect("eight of sixteen words");
+        // SAFETY: the caller's contract.
+        unsafe { S::pick([origin, slopes], &SHEARED[axes % SHEARED.len()], sheared) };
         self.octant = negative | u32::from(solid) << 3;
-        self.origin = [origins[kx], origins[ky], origins[kz]];
-        self.shear = [slopes[kx], slopes[ky], slopes[3]];
         (self.t_min, self.t_max) = (t_min, t_max);
-        self.axes = axes;
-        self.exponent = biased as i32 - 127;
         self.limits = [ray.t_min, ray.t_max];
-        self.direction = [x, y, z];
-        self.offset = 0.0;
+        self.axes = axes as u32;
+        self.exponent = biased as i32 - 127;
         Readiness::Ready
     }
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use splitplane_core::aabb::Aabb;
     use splitplane_core::arithmetic::power_of_two;
     use splitplane_core::query::intersect::Limits;
@@ -167,8 +196,19 @@ mod tests {
 
     use super::*;
     use crate::simd::InstructionSet;
+    use crate::simd::every_set::for_every_set;
     use crate::trace::prepare::CHUNK;
     use crate::trace::prepare::tests::filled;
+
+    for_every_set! {
+        /// What comes of a ray, and its state.
+        pub(in crate::trace) fn prepared<S>(ray: &Ray, scene: &SceneScale, query: Query) -> (Readiness, RayState) {
+            let mut ray_state = RayState::none();
+            // SAFETY: `S` is a set of this processor.
+            let readiness = unsafe { ray_state.prepare::<S>(ray, scene, query) };
+            (readiness, ray_state)
+        }
+    }
 
     /// Of all kinds: zeros, subnormals, infinities and NaN among them.
     fn number(random: &mut Random, spread: f64) -> f32 {
@@ -204,16 +244,17 @@ mod tests {
                 }
             });
             let many = InstructionSet::available();
-            let many =
-                many.into_iter().map(|set| filled(set, Rays::Records(&rays), &scene, 0, query));
-            for ((lanes, ray_states), (lane, ray)) in
+            let many = many
+                .into_iter()
+                .map(|set| (set, filled(set, Rays::Records(&rays), &scene, 0, query)));
+            for ((set, (lanes, ray_states)), (lane, ray)) in
                 many.flat_map(|made| rays.iter().enumerate().map(move |ray| (made, ray)))
             {
-                let mut ray_state = RayState::none();
                 let ordinary = lanes.alive[lane] != 0 && lanes.special[lane] == 0;
                 let within = lanes.enter[lane] <= lanes.exit[lane];
                 let biased = (lanes.exponent[lane] + 127) as u32;
-                match ray_state.prepare(ray, &scene, query) {
+                let (readiness, mut ray_state) = prepared(set, ray, &scene, query);
+                match readiness {
                     Readiness::Ready => {
                         assert!(ordinary && within, "{ray:?}");
                         ray_state.index = ray_states[lane].index;

@@ -5,35 +5,35 @@ use splitplane_core::query::intersect::{PLANE_SLACK, PreparedRay, SceneScale};
 use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Accuracy, Hit, Ray};
 
-/// A ray under way: the values that a step at a node and a test of a block need, in two cache
-/// lines.
+/// A ray under way: the values that a step at a node needs, and those that a test of a block needs, in a cache line each. What
+/// [`super::prepare_one`] has side by side is side by side here.
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct RayState {
     pub reciprocal: [f32; 3],
-    /// Origin times reciprocal, with the slack of planes added, and with it taken away; boxes allow for their
+    pub enter: f32,
+    /// Origin times reciprocal, with the slack of planes added, and in `far` with it taken away; boxes allow for their
     /// triangles' sizes.
     pub near: [f32; 3],
-    pub far: [f32; 3],
-    pub enter: f32,
     /// Where the ray leaves the bounds, or where nothing can precede its best hit any more.
     pub stop: f32,
+    /// [`EXIT_FACTOR`] times the reciprocal, for planes behind which a ray leaves; so is `far`.
+    pub exit_reciprocal: [f32; 3],
     /// Bits 0 to 2: the direction is negative on x, y, z; bit 3: far children come first.
     pub octant: u32,
+    pub far: [f32; 3],
+    /// The ray's place in its batch; [`RayState::NO_RAY`] for none.
+    pub index: u32,
     /// The origin on the sheared axes.
     pub origin: [f32; 3],
     pub shear: [f32; 3],
     pub t_min: f32,
     pub t_max: f32,
+    pub limits: [f32; 2],
     /// The largest component's axis, and 3 more if it is negative.
     pub axes: u32,
     pub exponent: i32,
-    pub limits: [f32; 2],
     pub direction: [f32; 3],
-    /// [`EXIT_FACTOR`] times the reciprocal, for planes behind which a ray leaves; so is `far`.
-    pub exit_reciprocal: [f32; 3],
-    /// The ray's place in its batch; [`RayState::NO_RAY`] for none.
-    pub index: u32,
     /// See [`PreparedRay::offset`].
     pub offset: f32,
 }
@@ -56,6 +56,37 @@ static BYTES_TO_AXES: [[usize; 3]; 8] = {
     }
     bytes
 };
+
+/// [`RayState::axes`] by the signs of a direction's components, and from bit 3 on by which of them are the largest.
+pub(crate) static AXES_OF_SIGNS: [u8; 64] = {
+    let mut axes = [0; 64];
+    let mut i = 0;
+    while i < 64 {
+        let (negative, largest): (usize, usize) = (i & 7, i >> 3);
+        // The first of the largest components.
+        let axis = if largest == 0 { 0 } else { largest.trailing_zeros() as usize };
+        axes[i] = (axis + 3 * (negative >> axis & 1)) as u8;
+        i += 1;
+    }
+    axes
+};
+
+/// By [`RayState::axes`] where the words from `origin` on come from: of an origin with `t_min` and of slopes with the last one. Two words
+/// more than count.
+pub(crate) static SHEARED: [[u32; 8]; 8] = {
+    let mut places = [[3; 8]; 8];
+    let mut i = 0;
+    while i < 8 {
+        let [x, y, z] = AXES[i];
+        let [x, y, z] = [x as u32, y as u32, z as u32];
+        places[i] = [x, y, z, 4 + x, 4 + y, 7, 3, 3];
+        i += 1;
+    }
+    places
+};
+
+/// The sign of the largest component by [`RayState::axes`].
+pub(crate) static SIGNS: [f32; 8] = [0.0, 0.0, 0.0, -0.0, -0.0, -0.0, 0.0, 0.0];
 
 /// Where among these x, y and z are.
 static PLACES: [[usize; 3]; 6] = [[2, 0, 1], [1, 2, 0], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2]];
@@ -197,7 +228,7 @@ pub(crate) const ORIGIN_SLACK: f32 = 4.768_371_6e-7; // 2^-21
 pub(crate) const EXIT_FACTOR: f32 = 1.0 + 4.0 * PLANE_SLACK;
 /// The part by which planes are widened for rays that begin before their origin, of the greatest distance at
 /// which the ray is within the bounds: distances below 0 are not made greater by a factor.
-const BEHIND_SLACK: f32 = 8.0 * PLANE_SLACK;
+pub(crate) const BEHIND_SLACK: f32 = 8.0 * PLANE_SLACK;
 
 /// The additional slack of planes for a ray that is within the bounds in an interval.
 #[cfg_attr(not(unoptimised), inline(always))]

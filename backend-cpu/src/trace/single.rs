@@ -1,7 +1,9 @@
 //! One ray per call: the steps of [`super::stream`] without the other rays.
 
+use core::hint::assert_unchecked;
 use core::mem::MaybeUninit;
 
+use splitplane_core::backend::QueryLayout;
 use splitplane_core::query::intersect::SceneScale;
 use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray, Rays};
@@ -12,10 +14,11 @@ use super::keep::{Keep, KeepAll};
 use super::leaves::{IndexedLeaves, Leaves, PackedLeaves};
 use super::prepare_one::Readiness;
 use super::ray_state::{RayState, ScalarOutcome};
-use super::step::{RayTest, TestContext, TestLeaf, TraversalStack, ask_for_block, step};
+use super::step::{Alone, RayTest, TestContext, TestLeaf, TraversalStack, ask_for_block};
 use super::stream::Stream;
 use super::{exact, reference};
 use crate::layout::tree_layout::TreeLayout;
+use crate::layout::wide::WideNodes;
 use crate::layout::wide_node::{DONE, is_leaf};
 use crate::memory::lengthen;
 use crate::simd::{Compiled, Simd};
@@ -38,34 +41,76 @@ impl Compiled for Single<'_> {
 
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> Hit {
-        if self.layout.wide.lines().is_empty() {
+        let Single { layout, scene, ray, options, query } = self;
+        if layout.wide.lines().is_empty() {
             return Hit::MISS;
         }
-        let mut ray_state = RayState::none();
-        let mut readiness = match self.options.accuracy {
-            Accuracy::Exact => Readiness::Special,
-            _ => ray_state.prepare(self.ray, self.scene, self.query),
-        };
-        if let Readiness::Special = readiness
-            && self.options.accuracy != Accuracy::Exact
-        {
-            match RayState::prepare_by_core(self.ray, self.scene, self.options.accuracy, self.query)
-            {
-                Some(ScalarOutcome::Traced(moved)) => {
-                    (ray_state, readiness) = (moved, Readiness::Ready);
-                }
-                Some(ScalarOutcome::Answer(hit)) => return hit,
-                None => {}
+        // SAFETY: the caller's contract; the stack has as many entries as the nodes need.
+        unsafe {
+            let is_usual = (options.accuracy == Accuracy::Watertight)
+                & (layout.layout() == QueryLayout::Fast)
+                & (layout.wide.depth() <= WideNodes::deepest(S::N, ENTRIES));
+            if !is_usual {
+                return S::call(Unusual(self));
             }
+            let mut ray_state = RayState::none();
+            match ray_state.prepare::<S>(ray, scene, query) {
+                Readiness::Ready => {}
+                Readiness::Misses => return Hit::MISS,
+                Readiness::Special => return S::call(Unusual(self)),
+            }
+            let leaves = PackedLeaves::new(layout);
+            // Each query by itself: in what it does nothing asks which one it is.
+            let single = match query {
+                Query::Closest => Single { query: Query::Closest, ..self },
+                Query::Any => {
+                    let single = Single { query: Query::Any, ..self };
+                    return single.through_short::<S, _, _, true, ENTRIES>(
+                        leaves,
+                        &mut ray_state,
+                        KeepAll,
+                    );
+                }
+            };
+            single.through_short::<S, _, _, true, ENTRIES>(leaves, &mut ray_state, KeepAll)
         }
+    }
+}
+
+/// One ray that is not as most are, or not through what most go through.
+struct Unusual<'a>(Single<'a>);
+
+impl Compiled for Unusual<'_> {
+    type Output = Hit;
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn run<S: Simd>(self) -> Hit {
+        let single = self.0;
+        let Single { scene, ray, options, query, .. } = single;
+        let mut ray_state = RayState::none();
         // SAFETY: the caller's contract.
         unsafe {
+            let mut readiness = match options.accuracy {
+                Accuracy::Exact => Readiness::Special,
+                _ => ray_state.prepare::<S>(ray, scene, query),
+            };
+            if let Readiness::Special = readiness
+                && options.accuracy != Accuracy::Exact
+            {
+                match RayState::prepare_by_core(ray, scene, options.accuracy, query) {
+                    Some(ScalarOutcome::Traced(moved)) => {
+                        (ray_state, readiness) = (moved, Readiness::Ready);
+                    }
+                    Some(ScalarOutcome::Answer(hit)) => return hit,
+                    None => {}
+                }
+            }
             let hit = match readiness {
                 Readiness::Misses => return Hit::MISS,
-                Readiness::Special => return S::call(WithCare(self)),
-                Readiness::Ready => self.through_any::<S, _>(&mut ray_state, KeepAll),
+                Readiness::Special => return S::call(WithCare(single)),
+                Readiness::Ready => single.through_any::<S, _>(&mut ray_state, KeepAll),
             };
-            hit.unwrap_or_else(|| self.without_memory())
+            hit.unwrap_or_else(|| single.without_memory())
         }
     }
 }
@@ -91,7 +136,8 @@ impl<K: Keep> Compiled for SingleKept<'_, K> {
             return None;
         }
         let mut ray_state = RayState::none();
-        match ray_state.prepare(ray, scene, query) {
+        // SAFETY: the caller's contract.
+        match unsafe { ray_state.prepare::<S>(ray, scene, query) } {
             Readiness::Misses => return Some(Hit::MISS),
             Readiness::Ready => {}
             Readiness::Special => {
@@ -179,20 +225,42 @@ impl Single<'_> {
             }
             let stack = TraversalStack { children: children.as_mut_ptr(), t: t.as_mut_ptr() };
             // SAFETY: the caller's contract; stacks of that length.
-            return Some(unsafe { self.walk::<S, L, K>(leaves, ray_state, stack, keep) });
+            return Some(unsafe { self.walk::<S, L, K, false>(leaves, ray_state, stack, keep) });
         }
+        // SAFETY: the caller's contract; stacks of no less length.
+        Some(unsafe { self.through_short::<S, L, K, false, ENTRIES>(leaves, ray_state, keep) })
+    }
+
+    /// With a stack that needs no allocation.
+    ///
+    /// # Safety
+    /// As for [`Compiled::run`]; the nodes must need no more entries; the accuracy must be `watertight` where that is said.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn through_short<
+        S: Simd,
+        L: Leaves,
+        K: Keep,
+        const WATERTIGHT: bool,
+        const ENTRIES: usize,
+    >(
+        &self,
+        leaves: L,
+        ray_state: &mut RayState,
+        keep: K,
+    ) -> Hit {
         let mut children = [MaybeUninit::<u32>::uninit(); ENTRIES];
         let mut t = [MaybeUninit::<f32>::uninit(); ENTRIES];
         let stack =
             TraversalStack { children: children.as_mut_ptr().cast(), t: t.as_mut_ptr().cast() };
-        // SAFETY: the caller's contract; stacks of no less length.
-        Some(unsafe { self.walk::<S, L, K>(leaves, ray_state, stack, keep) })
+        // SAFETY: the caller's contract.
+        unsafe { self.walk::<S, L, K, WATERTIGHT>(leaves, ray_state, stack, keep) }
     }
 
     /// # Safety
-    /// As for [`Compiled::run`]; the stack must have as many entries as the nodes need.
+    /// As for [`Compiled::run`]; the stack must have as many entries as the nodes need; the accuracy must be `watertight` where
+    /// that is said.
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn walk<S: Simd, L: Leaves, K: Keep>(
+    unsafe fn walk<S: Simd, L: Leaves, K: Keep, const WATERTIGHT: bool>(
         &self,
         leaves: L,
         ray_state: &mut RayState,
@@ -205,22 +273,29 @@ impl Single<'_> {
         let (mut room, mut best) = (L::room(), BestHit::NONE);
         let (room, best) = (&mut room, &mut best);
         let tested = &mut RayTest { test, room, ray_state, best, exact: None };
-        // SAFETY: the stack has the space.
-        unsafe { stack.begin() };
+        // SAFETY: the stack has the space; the caller's contract.
+        let alone = unsafe {
+            stack.begin();
+            Alone::<S>::new(tested.ray_state)
+        };
         let (mut child, mut top) = (0, 0);
         loop {
             while !is_leaf(child) {
                 // SAFETY: the caller's contract; the child is a node; the stack has the space.
-                (child, top) =
-                    unsafe { step::<S>(tested.ray_state, lines, child, &mut stack, top) };
+                (child, top) = unsafe { alone.step(tested.ray_state, lines, child, &stack, top) };
             }
             if child == DONE {
                 return tested.best.hit;
             }
             // A block's header says where its corners are; their loads need not wait for it.
             ask_for_block::<S, L>(leaves, child);
-            // SAFETY: the caller's contract; children name nodes or leaves; the ray is not wide.
-            if unsafe { S::call(TestLeaf(child, tested)) } {
+            // SAFETY: the caller's contract; children name nodes or leaves; the ray is not wide. In the same function, since a call
+            // takes as long as a third of a node.
+            let better = unsafe {
+                assert_unchecked(!WATERTIGHT || options.accuracy == Accuracy::Watertight);
+                TestLeaf(child, tested).run::<S>()
+            };
+            if better {
                 if query == Query::Any {
                     return tested.best.hit;
                 }
@@ -256,13 +331,13 @@ mod tests {
         unsafe fn run<S: Simd>(self) -> [Hit; 2] {
             let Single { layout, scene, ray, query, .. } = self.0;
             let (mut ray_state, mut again) = (RayState::none(), RayState::none());
-            let Readiness::Ready = ray_state.prepare(ray, scene, query) else {
-                return [Hit::MISS; 2];
-            };
-            again.prepare(ray, scene, query);
             let leaves = PackedLeaves::new(layout);
             // SAFETY: the caller's contract.
             unsafe {
+                let Readiness::Ready = ray_state.prepare::<S>(ray, scene, query) else {
+                    return [Hit::MISS; 2];
+                };
+                again.prepare::<S>(ray, scene, query);
                 [
                     self.0.through::<S, _, _, 1>(leaves, &mut ray_state, KeepAll),
                     self.0.through::<S, _, _, ENTRIES>(leaves, &mut again, KeepAll),

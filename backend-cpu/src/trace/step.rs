@@ -13,7 +13,7 @@ use crate::layout::wide_node::{
     CacheLine, DONE, bounds_offset, children_offset, leaf_bit, leaf_number, lines_of_node,
     order_offset,
 };
-use crate::simd::{Compiled, Direction, Simd, prefetch};
+use crate::simd::{Compiled, Direction, Simd, not_known, prefetch};
 use crate::trace::block_test as leaf;
 
 /// The parts of a node that rays of an octant read, in bytes from its start.
@@ -99,38 +99,100 @@ impl TraversalStack {
     }
 }
 
-/// Takes a step at a node: puts the children that the ray meets on the stack, except the nearest.
-/// Returns where the ray goes next, and the new last entry. For a ray alone, which waits for that.
-///
-/// # Safety
-/// The processor must have the set; the node must be one of the lines; the stack must have space
-/// for 16 more entries.
-#[cfg_attr(not(unoptimised), inline(always))]
-pub(crate) unsafe fn step<S: Simd>(
-    ray_state: &RayState,
-    lines: *const CacheLine,
-    node: u32,
-    stack: &mut TraversalStack,
-    top: usize,
-) -> (u32, usize) {
-    // SAFETY: the caller's contract.
-    unsafe {
-        let below = *stack.children.add(top);
-        let last = stack.at(top);
-        let (nearest, count) = push_met::<S>(ray_state, lines, node, &last);
-        let child = core::hint::select_unpredictable(count == 0, below, nearest);
-        (child, (top + count).wrapping_sub(1))
+/// A ray alone at nodes: where in a node its octant has what it reads, and those of its numbers for which most sets have registers.
+#[derive(Clone, Copy)]
+pub(crate) struct Alone<'a, S: Simd> {
+    /// In bytes.
+    near: [usize; 3],
+    far: [usize; 3],
+    order: usize,
+    direction: &'a Direction,
+    /// As in [`RayState`].
+    reciprocal: [S::Floats; 3],
+    exit_reciprocal: [S::Floats; 3],
+}
+
+impl<S: Simd> Alone<'_, S> {
+    /// For a ray.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) unsafe fn new(ray_state: &RayState) -> Self {
+        // SAFETY: the caller's contract; an octant is below 16.
+        unsafe {
+            let octant = octants_of::<S>().get_unchecked(ray_state.octant as usize);
+            let Octant { near: [nx, ny, nz], far: [fx, fy, fz], order, direction } = octant;
+            let [x, y, z] = ray_state.reciprocal;
+            let [exit_x, exit_y, exit_z] = ray_state.exit_reciprocal;
+            Alone {
+                near: [*nx as usize, *ny as usize, *nz as usize],
+                far: [*fx as usize, *fy as usize, *fz as usize],
+                order: *order as usize,
+                direction,
+                reciprocal: [S::splat(x), S::splat(y), S::splat(z)],
+                exit_reciprocal: [S::splat(exit_x), S::splat(exit_y), S::splat(exit_z)],
+            }
+        }
+    }
+
+    /// Takes a step at a node: puts the children that the ray meets behind the stack's last entry, which is `top`, except the
+    /// nearest. Returns where the ray goes next, and the new last entry.
+    ///
+    /// # Safety
+    /// The processor must have the set; the ray must be the one that this is for; the node must be one of the lines; the stack must
+    /// have space for 16 more entries.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) unsafe fn step(
+        &self,
+        ray_state: &RayState,
+        lines: *const CacheLine,
+        node: u32,
+        stack: &TraversalStack,
+        top: usize,
+    ) -> (u32, usize) {
+        // SAFETY: the caller's contract.
+        unsafe {
+            // Read in each step, for which nothing waits: kept they would be on the machine's stack, and eight times as long.
+            let RayState { near, far, enter, stop, .. } = &*not_known(ray_state);
+            let node = lines.add(node as usize * lines_of_node(S::N)).cast::<u8>();
+            let plane = |row: usize| S::load(node.add(row).cast());
+            let [x, y, z] = self.reciprocal;
+            let enter_x = S::mul_sub(plane(self.near[0]), x, S::splat(near[0]));
+            let enter_y = S::mul_sub(plane(self.near[1]), y, S::splat(near[1]));
+            let enter_z = S::mul_sub(plane(self.near[2]), z, S::splat(near[2]));
+            let [x, y, z] = self.exit_reciprocal;
+            let exit_x = S::mul_sub(plane(self.far[0]), x, S::splat(far[0]));
+            let exit_y = S::mul_sub(plane(self.far[1]), y, S::splat(far[1]));
+            let exit_z = S::mul_sub(plane(self.far[2]), z, S::splat(far[2]));
+            // Places without a child are entered at infinity.
+            let enter = S::max(S::max(enter_x, enter_y), S::max(enter_z, S::splat(*enter)));
+            let exit = S::min(S::min(exit_x, exit_y), S::min(exit_z, S::splat(*stop)));
+            let last = stack.at(top);
+            let (child, count) = S::push_met_alone(
+                node.add(children_offset(S::N)).cast(),
+                enter,
+                exit,
+                node.add(self.order),
+                self.direction,
+                last.children.add(1),
+                last.t.add(1),
+            );
+            (child, (top + count).wrapping_sub(1))
+        }
     }
 }
 
-/// The same for a ray among others, whose last entries are at `top`. Returns where the ray goes next, and how many children were
-/// put on the stack: with as many entries more, less one, the last one is there.
+/// Takes a step at a node: puts the children that the ray meets on the stack, whose last entries are at `top`, except the nearest. Returns
+/// where the ray goes next, and how many children were put on the stack: with as many entries more, less one, the last one is
+/// there. For a ray among others.
 ///
 /// The nearest child is read back from the stack: that is later, while others take their steps, but finding it in the node as
 /// well takes 10 instructions of a hundred.
 ///
 /// # Safety
-/// As for [`step`].
+/// The processor must have the set; the node must be one of the lines; the stack must have space
+/// for 16 more entries.
 #[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) unsafe fn step_in_turn<S: Simd>(
     ray_state: &RayState,
@@ -149,7 +211,7 @@ pub(crate) unsafe fn step_in_turn<S: Simd>(
 /// there is none, and how many there are.
 ///
 /// # Safety
-/// As for [`step`].
+/// As for [`step_in_turn`].
 #[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn push_met<S: Simd>(
     ray_state: &RayState,

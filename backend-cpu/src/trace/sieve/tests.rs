@@ -3,6 +3,7 @@ use super::*;
 use crate::layout::gathered_block::GatheredBlock;
 use crate::simd::{Compiled, InstructionSet};
 use crate::trace::prepare_one::Readiness;
+use crate::trace::prepare_one::tests::prepared;
 use splitplane_core::exact::meet;
 use splitplane_core::query::intersect::{Limits, SceneScale};
 use splitplane_core::ray::Culling;
@@ -105,8 +106,7 @@ fn try_out(set: InstructionSet, share: f32) -> [usize; 4] {
         let scene = SceneScale::new(bounds, &limits);
         for _ in 0..16 {
             let ray = ray(&mut random, &triangles[..count], scale);
-            let mut ray_state = RayState::none();
-            let Readiness::Ready = ray_state.prepare(&ray, &scene, Query::Closest) else {
+            let (Readiness::Ready, ray_state) = prepared(set, &ray, &scene, Query::Closest) else {
                 continue;
             };
             let Some(mut lane) = ExactLane::new(&ray, &ray_state, &[bounds; 2]) else {
