@@ -173,7 +173,7 @@ def test_a_worker_that_dies_costs_no_answer(client: Client) -> None:
 
     with share(tree, client, chunk=2000) as shared:
         assert_same(shared.closest_hits(rays, accuracy="exact", progress=progress), expected)
-        client.wait_for_workers(2, timeout=60)
+        client.wait_for_workers(2, timeout=300)
         assert killed and killed[0] in before and killed[0] not in client.run(os.getpid).values()
         # Whoever came in its place has the tree too.
         assert_same(shared.closest_hits(rays, accuracy="exact"), expected)
@@ -190,7 +190,7 @@ class Deadly:
 def test_a_chunk_that_kills_its_workers_ends_in_a_typed_error(client: Client) -> None:
     with pytest.raises(splitplane.ClusterError, match="2 workers died one after the other"):
         list(frames(VERTICES[None], Deadly(), faces=FACES, client=client))
-    client.wait_for_workers(2, timeout=60)
+    client.wait_for_workers(2, timeout=300)
 
 
 def test_a_tree_goes_once_to_a_worker_and_is_loaded_once(client: Client, tmp_path: Path) -> None:

@@ -129,8 +129,8 @@ class RaycastingScene:
     def _named(self, triangle: U32, u: F32, v: F32, nthreads: Any) -> Columns:
         """Geometries, faces, weights and unit normals of faces of the tree; normals are 0 for a miss."""
         table, columns = self._table(), _columns(triangle.size)
-        flat = triangle.reshape(-1), u.reshape(-1), v.reshape(-1)
-        _native.named(*flat, self._starts, table, *columns, (_threads(nthreads), None))
+        call = (_threads(nthreads), None)
+        _native.named(triangle.reshape(-1), u.reshape(-1), v.reshape(-1), self._starts, table, *columns, call)
         return _shaped(columns, triangle.shape)
 
     def cast_rays(self, rays: Any, nthreads: int = 0) -> dict[str, Any]:

@@ -23,6 +23,8 @@ class Shifted:
         self.rows = rows
 
 
+#: The report of what the CPU answered, and nothing was rounded.
+PLAIN = Report()
 FLOAT32 = np.dtype(np.float32)
 #: The limits of rays that were given none.
 NO_LIMITS = (0.0, float("inf"))
@@ -278,7 +280,8 @@ class Tree(Handle[_native.Tree]):
         rows, limits, leading, rounded = rays_of(rays, t_min, t_max, self._origin)
         records, columns = hits_in(out, Hits, leading, rows)
         counts = native.closest_hits(rows, limits, options, records, call)
-        return hits_of(Hits, records, columns, leading, Report(*counts, rounded))
+        report = PLAIN if rounded == 0 and counts == (0, 0, 0) else Report(*counts, rounded)
+        return hits_of(Hits, records, columns, leading, report)
 
     def any_hits(
         self,
