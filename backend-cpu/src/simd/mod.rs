@@ -290,6 +290,7 @@ pub(crate) trait Compiled {
 
 /// The same address, of which the compiler does not know that it is: what is read from there in a loop is read where it says.
 #[cfg_attr(not(unoptimised), inline(always))]
+#[allow(clippy::pointers_in_nomem_asm_block, reason = "the address is all that counts")]
 pub(crate) fn not_known<T>(at: *const T) -> *const T {
     #[cfg(all(target_arch = "x86_64", not(miri)))]
     {
