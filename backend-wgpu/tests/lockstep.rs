@@ -235,7 +235,7 @@ fn planted_faults_are_named() {
     let references = capped(BuildConfig { references_per_triangle: 1, ..fast });
     let nodes = capped(fast);
     let of_caps = [
-        ("sum <= parameters.reference_cap", "sum < 8u", references, &large),
+        ("sum <= parameters.reference_cap", "sum < 8u", references, &many),
         (
             "saturating_sum(alive, references) > parameters.reference_cap",
             "false",
