@@ -3,13 +3,12 @@
 #![allow(clippy::undocumented_unsafe_blocks, reason = "one contract for all, that of the trait")]
 
 use core::arch::x86_64::*;
-use core::hint::select_unpredictable;
 
 mod f32x16;
 mod references;
 
 use crate::simd::avx2::Avx2;
-use crate::simd::{Compiled, Direction, F32x4, MOST_LANES, Simd};
+use crate::simd::{Compiled, Direction, F32x4, Simd};
 use f32x16::Avx512F32x16;
 
 /// [`Simd`] by AVX-512.
@@ -242,80 +241,35 @@ impl Simd for Avx512 {
         to_t: *mut f32,
     ) -> (u32, usize) {
         unsafe {
-            let places = places_in_order(order, &direction.places);
-            let all = _mm512_permutexvar_epi32(places, _mm512_loadu_si512(children.cast()));
-            let met = push_in_order(all, [enter, exit], places, to_children, to_t);
-            let last = 15 - (met | 1).leading_zeros() as usize % 16;
-            let last = *direction.places.get_unchecked(last) as usize;
-            (*children.add(*order.add(last) as usize), met.count_ones() as usize)
-        }
-    }
-    #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn push_met_alone(
-        children: *const u32,
-        enter: __m512,
-        exit: __m512,
-        order: *const u8,
-        direction: &Direction,
-        to_children: *mut u32,
-        to_t: *mut f32,
-    ) -> (u32, usize) {
-        unsafe {
-            let below = *to_children.sub(1);
-            let places = places_in_order(order, &direction.places);
-            let children = _mm512_loadu_si512(children.cast());
-            let all = _mm512_permutexvar_epi32(places, children);
-            let met = push_in_order(all, [enter, exit], places, to_children, to_t);
+            let read = _mm_loadu_si128(direction.places.as_ptr().cast());
+            let places = _mm_shuffle_epi8(_mm_loadu_si128(order.cast()), read);
+            let places = _mm512_cvtepu8_epi32(places);
+            // In order first, then compared: what comes next waits for nothing but the comparison.
+            let t = _mm512_permutexvar_ps(places, enter);
+            let met = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(t, _mm512_permutexvar_ps(places, exit));
+            let bits = u32::from(met);
             // The same from the other end, so that the last one comes first: without a look-up in memory.
-            let reversed = places_in_order(order, &direction.reversed);
+            let read = _mm_loadu_si128(direction.reversed.as_ptr().cast());
+            let reversed = _mm_shuffle_epi8(_mm_loadu_si128(order.cast()), read);
+            let reversed = _mm512_cvtepu8_epi32(reversed);
             let met_there = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(
                 _mm512_permutexvar_ps(reversed, enter),
                 _mm512_permutexvar_ps(reversed, exit),
             );
-            let from_there = _mm512_permutexvar_epi32(reversed, children);
+            let all = _mm512_loadu_si512(children.cast());
+            let from_there = _mm512_permutexvar_epi32(reversed, all);
             let last = _mm512_maskz_compress_epi32(met_there, from_there);
             let last = _mm512_cvtsi512_si32(last) as u32;
-            (select_unpredictable(met == 0, below, last), met.count_ones() as usize)
+            let in_order = _mm512_permutexvar_epi32(places, all);
+            // To a register and then to memory: compressing to memory is slow on some processors.
+            _mm512_storeu_ps(to_t, _mm512_maskz_compress_ps(met, t));
+            _mm512_storeu_si512(to_children.cast(), _mm512_maskz_compress_epi32(met, in_order));
+            (last, bits.count_ones() as usize)
         }
     }
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn pick(rows: [F32x4; 2], places: &[u32; 8], to: &mut [f32; 8]) {
         unsafe { Avx2::pick(rows, places, to) }
-    }
-}
-
-/// The places of children in an order, read by its own places.
-///
-/// # Safety
-/// As for [`Simd::push`].
-#[cfg_attr(not(unoptimised), inline(always))]
-unsafe fn places_in_order(order: *const u8, places: &[u8; MOST_LANES]) -> __m512i {
-    unsafe {
-        let read = _mm_loadu_si128(places.as_ptr().cast());
-        _mm512_cvtepu8_epi32(_mm_shuffle_epi8(_mm_loadu_si128(order.cast()), read))
-    }
-}
-
-/// Writes the children that are met, of all in order, to the end of a stack. Returns which they are, as bits.
-///
-/// # Safety
-/// As for [`Simd::push`].
-#[cfg_attr(not(unoptimised), inline(always))]
-unsafe fn push_in_order(
-    all: __m512i,
-    [enter, exit]: [__m512; 2],
-    places: __m512i,
-    to_children: *mut u32,
-    to_t: *mut f32,
-) -> u32 {
-    unsafe {
-        // In order first, then compared: what comes next waits for nothing but the comparison.
-        let t = _mm512_permutexvar_ps(places, enter);
-        let met = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(t, _mm512_permutexvar_ps(places, exit));
-        // To a register and then to memory: compressing to memory is slow on some processors.
-        _mm512_storeu_ps(to_t, _mm512_maskz_compress_ps(met, t));
-        _mm512_storeu_si512(to_children.cast(), _mm512_maskz_compress_epi32(met, all));
-        u32::from(met)
     }
 }
 
