@@ -46,7 +46,7 @@ impl Awaited {
     /// Gives way to others once, however fast the device is.
     ///
     /// # Errors
-    /// As for [`Awaited::pause`].
+    /// A lost device.
     pub async fn give_way(&self) -> Result<(), GpuError> {
         self.gpu.check()?;
         let rung = Bell::default();
