@@ -1,8 +1,8 @@
 //! Closest points, through the wide nodes of rays.
 //!
-//! A step is a wide node, whose boxes are measured all at once, or a block, whose triangles' bounds are. Boxes and bounds are
-//! measured in `f32`, and pass over only what is certainly too far; what is left is computed as the reference does
-//! ([`splitplane_core::query::closest_point`]), in `f64`. So the answers are the reference's, bit for bit.
+//! A step is a wide node, whose boxes are measured all at once, or a block, whose triangles are: first their boxes, then, where one is near enough,
+//! a [bound](super::triangle_bound) that is nearly their distance. All that is in `f32`, and passes over only what is certainly too far; what is left
+//! is computed as the reference does ([`splitplane_core::query::closest_point`]), in `f64`. So the answers are the reference's, bit for bit.
 //!
 //! *Units.* Coordinates are multiplied by a power of two that brings R, the greatest distance of the point to a side of the scene's box, to
 //! between 1 and 2; so squares neither overflow nor, where it matters, underflow.
@@ -22,6 +22,7 @@ use crate::layout::wide_node::{
     CacheLine, DONE, bounds_offset, children_offset, is_leaf, leaf_number, lines_of_node,
 };
 use crate::memory::lengthen;
+use crate::near::triangle_bound;
 use crate::simd::{Compiled, MOST_LANES, Simd};
 use crate::trace::leaves::{IndexedLeaves, Leaves, PackedLeaves};
 use crate::trace::triangle_block::TriangleBlock;
@@ -96,7 +97,13 @@ unsafe fn search_all<S: Simd, L: Leaves>(
             reach = reach.max(bounds.hi[axis] - point[axis]).max(point[axis] - bounds.lo[axis]);
         }
         let unit = if reach == 0.0 { 1.0 } else { power_of_two(-exponent(reach)) };
-        let mut search = Measured { search, unit, point: point.map(|x| x * unit), stop: 0.0 };
+        let mut search = Measured {
+            search,
+            unit,
+            point: point.map(|x| x * unit),
+            stop: 0.0,
+            triangle_stop: 0.0,
+        };
         search.measure();
         if let Some((triangle, corners)) = &guess {
             search.test(corners, *triangle, &mut None);
@@ -116,14 +123,18 @@ struct Measured {
     point: [f32; 3],
     /// A measured squared distance that is greater is certainly too far.
     stop: f32,
+    /// A bound of a triangle's squared distance that is greater is certainly too far.
+    triangle_stop: f32,
 }
 
 impl Measured {
-    /// Computes `stop` anew.
+    /// Computes `stop` and `triangle_stop` anew.
     #[inline]
     fn measure(&mut self) {
         let unit = f64::from(self.unit);
-        self.stop = (self.search.stop() * (unit * unit) * (1.0 + MEASURED)) as f32;
+        let stop = self.search.stop() * (unit * unit);
+        self.stop = (stop * (1.0 + MEASURED)) as f32;
+        self.triangle_stop = triangle_bound::widened(stop);
     }
 
     /// Tests a triangle; the closest one so far becomes the guess.
@@ -277,11 +288,15 @@ impl Measured {
         guess: &mut Option<(u32, Triangle)>,
     ) {
         let mut row = [0.0f32; MOST_LANES];
+        // Lanes after the last triangle do not count.
+        let all = (1u32 << block.count()) - 1;
         // SAFETY: the caller's contract.
         let mut near = unsafe {
             let places = block.places::<S>();
-            let mut lower = [S::splat(0.0); 3];
-            let mut upper = lower;
+            let zero = [S::splat(0.0); 3];
+            let (mut lower, mut upper) = (zero, zero);
+            let mut corners = [zero; 3];
+            let unit = S::splat(self.unit);
             for axis in 0..3 {
                 let mut vectors = [block.coordinates::<S>(axis, 0); 3];
                 for vector in 1..B::VECTORS {
@@ -290,18 +305,33 @@ impl Measured {
                 let [a, b, c] = B::of_corners::<S>(vectors, places);
                 lower[axis] = S::min(S::min(a, b), c);
                 upper[axis] = S::max(S::max(a, b), c);
+                let at = S::splat(self.point[axis]);
+                corners[0][axis] = S::mul_sub(a, unit, at);
+                corners[1][axis] = S::mul_sub(b, unit, at);
+                corners[2][axis] = S::mul_sub(c, unit, at);
             }
             let squared = self.squared::<S>(lower, upper);
-            S::store(row.as_mut_ptr(), squared);
-            S::bits(S::le(squared, S::splat(self.stop)))
+            let near = all & S::bits(S::le(squared, S::splat(self.stop)));
+            if near == 0 {
+                return;
+            }
+            let bounds = triangle_bound::squared_bounds::<S>(corners);
+            S::store(row.as_mut_ptr(), bounds);
+            near & S::bits(S::le(bounds, S::splat(self.triangle_stop)))
         };
-        // Lanes after the last triangle do not count.
-        near &= (1u32 << block.count()) - 1;
         while near != 0 {
-            let lane = near.trailing_zeros() as usize;
-            near &= near - 1;
-            if row[lane] <= self.stop {
-                self.test(&block.corners(lane), block.triangle(lane), guess);
+            // The one that seems nearest first: after it few are left.
+            // SAFETY: lanes of the row.
+            let least = near & unsafe { S::least(near, S::load(row.as_ptr())) };
+            let lane = least.trailing_zeros() as usize;
+            if row[lane] > self.triangle_stop {
+                return;
+            }
+            near &= !(1 << lane);
+            let triangle = block.triangle(lane);
+            // It may be in many leaves.
+            if triangle != self.search.best_triangle() {
+                self.test(&block.corners(lane), triangle, guess);
             }
         }
     }

@@ -5,3 +5,4 @@ pub(crate) mod cells;
 pub(crate) mod closest_point;
 pub(crate) mod in_order;
 pub(crate) mod overlap;
+mod triangle_bound;
