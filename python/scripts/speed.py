@@ -86,7 +86,7 @@ def main() -> None:
         faces = np.fromfile(folder / "index.u32", "<u4").reshape(-1, 3)
         threads = arguments.threads
         tree = splitplane.Tree.build(vertices, faces, threads=threads, preset=arguments.preset)
-        ours = splitplane.open3d.RaycastingScene(nthreads=threads)
+        ours = splitplane.open3d.RaycastingScene(nthreads=threads, preset=arguments.preset)
         ours.add_triangles(vertices, faces)
         theirs = open3d.t.geometry.RaycastingScene(nthreads=threads)
         theirs.add_triangles(tensor(vertices), tensor(faces))

@@ -66,9 +66,10 @@ def test_hits_of_several_meshes() -> None:
 
 @pytest.mark.parametrize("meshes", [1, 3])
 @pytest.mark.parametrize("count", [0, 1, 16, 17, 4096, 9000])
-def test_columns_are_the_trees(meshes: int, count: int) -> None:
-    """However many rays there are, columns say what hits of the tree say."""
-    scene = RaycastingScene()
+@pytest.mark.parametrize("preset", ["fast", "best"])
+def test_columns_are_the_trees(meshes: int, count: int, preset: str) -> None:
+    """However many rays there are, and however the tree is built, columns say what hits of the tree say."""
+    scene = RaycastingScene(preset=preset)
     for place in range(meshes):
         scene.add_triangles(BALL[0] + np.float32(2.5 * place), BALL[1])
     corners = np.concatenate([(BALL[0] + np.float32(2.5 * place))[BALL[1]] for place in range(meshes)])
@@ -126,6 +127,7 @@ def test_misuses() -> None:
         lambda: scene.cast_rays(rays_at(3), nthreads=-1),
         lambda: scene.compute_occupancy(rays_at(3)[:, :3], nsamples=2),
         lambda: RaycastingScene(device="CUDA:0"),
+        lambda: RaycastingScene(preset="fastest"),
         lambda: RaycastingScene.create_rays_pinhole(np.zeros((3, 3)), np.eye(4), 4, 4),
         lambda: RaycastingScene.create_rays_pinhole(90, [0, 0, 0], [0, 0, 0], [0, 1, 0], 4, 4),
     ]

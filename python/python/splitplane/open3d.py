@@ -67,11 +67,18 @@ class RaycastingScene:
     #: The id of no geometry and no face.
     INVALID_ID = MISS
 
-    def __init__(self, nthreads: int = 0, device: Any = None) -> None:
-        """nthreads: for building; 0: all cores. device: taken where it is a CPU."""
+    def __init__(self, nthreads: int = 0, device: Any = None, *, preset: str = "fast") -> None:
+        """nthreads: for building; 0: all cores. device: taken where it is a CPU.
+
+        preset: as in :meth:`splitplane.Tree.build`; Open3D's class has none. ``best`` takes longer to build, and pays with some millions of rays.
+        """
         if device is not None and "CPU" not in str(device).upper():
             raise ConfigError(f"device {device} is not a CPU")
         self._nthreads = _threads(nthreads)
+        if preset != "fast":
+            # An unknown one is an error here, not at the first query.
+            Tree.build(np.zeros((0, 3, 3), np.float32), preset=preset, threads=1)
+        self._preset = preset
         self._vertices: list[F32] = []
         self._faces: list[U32] = []
         self._tree: Tree | None = None
@@ -114,7 +121,7 @@ class RaycastingScene:
             parts = [faces + np.uint32(first) for faces, first in zip(self._faces, firsts)]
             vertices = np.concatenate(self._vertices) if counts else np.zeros((0, 3), np.float32)
             faces = np.concatenate(parts) if parts else np.zeros((0, 3), np.uint32)
-            self._tree = Tree.build(vertices, faces, threads=self._nthreads)
+            self._tree = Tree.build(vertices, faces, preset=self._preset, threads=self._nthreads)
             self._starts = np.concatenate([[0], np.cumsum([len(part) for part in self._faces])]).astype(np.uint32)
         return self._tree
 
