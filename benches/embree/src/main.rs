@@ -24,6 +24,7 @@ mod turns;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::rc::Rc;
 use std::sync::Arc;
 
 use clap::Parser;
@@ -212,7 +213,7 @@ fn packets<const N: usize>(embree: &Embree) -> Contestant<'_>
 where
     Embree: Of<N>,
 {
-    let packets = Arc::new(RefCell::new(Packets::<N>::new(&[])));
+    let packets = Rc::new(RefCell::new(Packets::<N>::new(&[])));
     let [formed, same] = [packets.clone(), packets.clone()];
     Contestant {
         name: format!("Embree by {N}"),

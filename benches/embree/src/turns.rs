@@ -12,11 +12,14 @@ pub(crate) type Answers = [(f32, u32)];
 /// Writes an answer for each ray.
 type Answering<'a, A> = Box<dyn Fn(&[Ray], &mut A) + 'a>;
 
+/// Makes ready for rays.
+type Ready<'a> = Box<dyn Fn(&[Ray]) + 'a>;
+
 /// Someone who answers rays.
 pub(crate) struct Contestant<'a> {
     pub name: String,
     /// What is done before each turn, and in no time.
-    pub ready: Box<dyn Fn(&[Ray]) + 'a>,
+    pub ready: Ready<'a>,
     pub closest: Answering<'a, Answers>,
     pub any: Answering<'a, [bool]>,
 }
