@@ -61,7 +61,12 @@ impl SceneWords<'_> {
     }
 
     fn vector(&self, at: u32) -> Vector {
-        [self.float(at), self.float(at + 1), self.float(at + 2)]
+        vector_of(self.words_at::<3>(at), 0)
+    }
+
+    /// Some words from a place on: their bounds are checked once.
+    fn words_at<const N: usize>(&self, at: u32) -> &[u32; N] {
+        self.words[at as usize..].first_chunk().expect("sections are whole")
     }
 
     pub(crate) fn material_of(&self, triangle: u32) -> u32 {
@@ -69,14 +74,14 @@ impl SceneWords<'_> {
     }
 
     pub(crate) fn material(&self, index: u32) -> MaterialWords {
-        let at = MATERIAL_WORDS * index;
+        let words = self.words_at::<{ MATERIAL_WORDS as usize }>(MATERIAL_WORDS * index);
         MaterialWords {
-            kind: self.word(at),
-            texture: self.word(at + 1),
-            refractive_index: self.float(at + 2),
-            diffuse: self.vector(at + 4),
-            second: self.vector(at + 8),
-            emission: self.vector(at + 12),
+            kind: words[0],
+            texture: words[1],
+            refractive_index: f32::from_bits(words[2]),
+            diffuse: vector_of(words, 4),
+            second: vector_of(words, 8),
+            emission: vector_of(words, 12),
         }
     }
 
@@ -100,11 +105,12 @@ impl SceneWords<'_> {
 
     pub(crate) fn light(&self, index: u32) -> LightWords {
         let at = self.frame.lights_at + LIGHT_WORDS * index;
+        let words = self.words_at::<{ LIGHT_WORDS as usize }>(at);
         LightWords {
-            kind: self.word(at),
-            place: self.vector(at + 1),
-            irradiance: self.vector(at + 4),
-            distance: self.float(at + 7),
+            kind: words[0],
+            place: vector_of(words, 1),
+            irradiance: vector_of(words, 4),
+            distance: f32::from_bits(words[7]),
         }
     }
 
@@ -192,14 +198,20 @@ impl SceneWords<'_> {
 
     /// The byte that shows a linear value: the last whose least value it reaches.
     pub(crate) fn shown(&self, value: f32) -> u32 {
+        let least = self.words_at::<256>(self.frame.srgb_at + 256);
         let mut byte = 0;
         for bit in [128, 64, 32, 16, 8, 4, 2, 1] {
-            if value >= self.float(self.frame.srgb_at + 256 + byte + bit) {
+            if value >= f32::from_bits(least[(byte + bit) as usize & 255]) {
                 byte += bit;
             }
         }
         byte
     }
+}
+
+/// Three of some words.
+fn vector_of(words: &[u32], at: usize) -> Vector {
+    [f32::from_bits(words[at]), f32::from_bits(words[at + 1]), f32::from_bits(words[at + 2])]
 }
 
 /// The two texels on either side of a coordinate that repeats after 1, and the part of the second.

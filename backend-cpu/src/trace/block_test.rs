@@ -8,7 +8,7 @@ use splitplane_core::query::intersect::{
     Candidate, PreparedRay, moeller_trumbore, stop_after, watertight,
 };
 use splitplane_core::query::traverse::Query;
-use splitplane_core::ray::{Accuracy, Hit, QueryOptions};
+use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions};
 use splitplane_core::triangle::Triangle;
 
 use super::fast;
@@ -16,7 +16,7 @@ use super::keep::{Keep, KeepAll};
 use super::ray_state::RayState;
 use super::refined::Pairs;
 use super::watertight::{Corner, Met, Span, View, meet};
-use crate::simd::{Compiled, Simd};
+use crate::simd::{Compiled, MOST_LANES, Simd};
 
 /// The best hit so far and what follows from it.
 #[derive(Clone, Copy, Debug)]
@@ -101,10 +101,15 @@ pub(crate) unsafe fn test<S: Simd, T: TriangleBlock, K: Keep>(
     // SAFETY: the caller's contract.
     unsafe {
         if options.accuracy == Accuracy::Fast {
-            let mut sifted = Met::NONE;
-            sifted.unclear = sift_fast::<S, T>(ray_state, block, limit);
-            return sifted.unclear != 0
-                && test_sifted(ray_state, *block, (options, query, keep), &sifted, best);
+            let meeting = meet_fast::<S, T>(ray_state, block, limit, options.culling);
+            if meeting.met == 0 {
+                return false;
+            }
+            let mut found = Found { met: meeting.met, t: NO_ROW, u: NO_ROW, v: NO_ROW };
+            S::store(found.t.as_mut_ptr(), meeting.t);
+            S::store(found.u.as_mut_ptr(), meeting.u);
+            S::store(found.v.as_mut_ptr(), meeting.v);
+            return take_found(ray_state, *block, (options, query, keep), &found, best);
         }
         let seen = ShearedBlock::<S, T>::new(ray_state, block);
         // Lanes after the last triangle do not count.
@@ -189,6 +194,47 @@ fn test_sifted<T: TriangleBlock, K: Keep>(
             found
         };
         if best.take_kept(&ray, &found, triangle, keep) {
+            better = true;
+            if query == Query::Any {
+                return true;
+            }
+        }
+    }
+    better
+}
+
+/// A number of each triangle of a block.
+type Row = [f32; MOST_LANES];
+const NO_ROW: Row = [0.0; MOST_LANES];
+
+/// What the fast test found: which triangles are met, and where.
+struct Found {
+    met: u32,
+    t: Row,
+    u: Row,
+    v: Row,
+}
+
+/// Takes what the fast test found, as far as it precedes. True when the best hit changed.
+#[inline(never)]
+fn take_found<T: TriangleBlock, K: Keep>(
+    ray_state: &RayState,
+    block: T,
+    (options, query, keep): (&QueryOptions<'_>, Query, K),
+    found: &Found,
+    best: &mut BestHit,
+) -> bool {
+    let ray = ray_state.ray();
+    let (mut met, mut better) = (found.met, false);
+    while met != 0 {
+        let index = met.trailing_zeros() as usize % MOST_LANES;
+        met &= met - 1;
+        let triangle = block.triangle(index);
+        if options.ignore == Some(triangle) {
+            continue;
+        }
+        let candidate = Candidate { t: found.t[index], u: found.u[index], v: found.v[index] };
+        if best.take_kept(&ray, &candidate, triangle, keep) {
             better = true;
             if query == Query::Any {
                 return true;
@@ -381,18 +427,26 @@ unsafe fn span<S: Simd>(ray_state: &RayState, limit: f32) -> Span<S> {
     Span { t_min, t_max, stop }
 }
 
-/// Triangles that the fast test accepts, whichever way they face.
+/// Where the fast test meets triangles of a block.
 ///
 /// # Safety
 /// As for [`test()`].
 #[cfg_attr(not(unoptimised), inline(always))]
-unsafe fn sift_fast<S: Simd, T: TriangleBlock>(ray_state: &RayState, block: &T, limit: f32) -> u32 {
+unsafe fn meet_fast<S: Simd, T: TriangleBlock>(
+    ray_state: &RayState,
+    block: &T,
+    limit: f32,
+    culling: Culling,
+) -> fast::Meeting<S> {
     // SAFETY: the caller's contract.
     unsafe {
         let ray = ray_state.ray();
         let (origin, direction) = (each::<S>(ray.origin), each::<S>(ray.direction));
         let corners = all_corners::<S, T>(block, [0, 1, 2], block.places::<S>());
         let span = [S::splat(ray.t_min), S::splat(limit)];
-        fast::may_meet::<S>(origin, direction, corners, span) & ((1u32 << block.count()) - 1)
+        let mut meeting = fast::meet::<S>(origin, direction, corners, span, culling);
+        // Lanes after the last triangle do not count.
+        meeting.met &= (1u32 << block.count()) - 1;
+        meeting
     }
 }

@@ -17,11 +17,13 @@ pub(crate) fn is_here() -> bool {
 }
 
 /// Does some work twice: the first time the simulated caches and branches get to know it, the second time it is counted. The
-/// counts are written to a file of callgrind's that has `name` as its trigger.
-pub(crate) fn count(name: &str, mut work: impl FnMut()) {
+/// counts are written to a file of callgrind's that has `name` as its trigger. What `ready` does before each is not counted.
+pub(crate) fn count(name: &str, mut ready: impl FnMut(), mut work: impl FnMut()) {
     let name: Vec<u8> = name.bytes().chain([0]).collect();
+    ready();
     request(START, 0);
     work();
+    ready();
     request(ZERO, 0);
     request(TOGGLE, 0);
     work();
@@ -65,7 +67,8 @@ mod tests {
     #[test]
     fn without_valgrind_the_work_is_done_twice_and_nothing_else() {
         let mut done = 0;
-        count("work", || done += 1);
-        assert_eq!((done, is_here()), (2, false));
+        let mut made_ready = 0;
+        count("work", || made_ready += 1, || done += 1);
+        assert_eq!((done, made_ready, is_here()), (2, 2, false));
     }
 }

@@ -7,7 +7,12 @@ use std::path::Path;
 use libloading::Library;
 use splitplane_core::ray::Ray;
 
-type Handle = *mut c_void;
+use crate::turns::cpu_time;
+pub(crate) use packets::{Of, Packets};
+
+mod packets;
+
+pub(crate) type Handle = *mut c_void;
 type Release = unsafe extern "C" fn(Handle);
 /// `rtcIntersect1` and `rtcOccluded1` differ in what the second argument points to; the latter reads the ray alone.
 type Query = unsafe extern "C" fn(Handle, *mut RayHit, *mut Arguments);
@@ -33,7 +38,7 @@ struct RayHit {
 
 /// `RTCIntersectArguments` and `RTCOccludedArguments`: flags, features, and pointers that may be null.
 #[repr(C, align(8))]
-struct Arguments {
+pub(crate) struct Arguments {
     flags: u32,
     features: u32,
     pointers: [usize; 6],
@@ -45,9 +50,13 @@ pub(crate) struct Embree {
     device: Handle,
     intersect: Query,
     occluded: Query,
+    by_8: (packets::Query<8>, packets::Query<8>),
+    by_16: (packets::Query<16>, packets::Query<16>),
     release_scene: Release,
     release_device: Release,
     pub version: String,
+    /// CPU time of the build: from its own vertices and indices to a scene that is ready.
+    pub build_seconds: f64,
 }
 
 /// Numbers of Embree's enumerations.
@@ -60,6 +69,8 @@ const UINT3: u32 = 0x5003;
 const FLOAT3: u32 = 0x9003;
 const TRIANGLES: u32 = 0;
 const NONE: u32 = u32::MAX;
+/// All features.
+const FEATURES: u32 = u32::MAX;
 
 impl Embree {
     /// Builds with one thread. `isa` holds Embree to an instruction set, such as `avx2`.
@@ -118,10 +129,12 @@ impl Embree {
             }
             to.cast::<[f32; 3]>().copy_from_nonoverlapping(vertices.as_ptr(), vertices.len());
             named.cast::<[u32; 3]>().copy_from_nonoverlapping(triangles.as_ptr(), triangles.len());
+            let before = cpu_time();
             commit_geometry(geometry);
             attach(scene, geometry);
             release_geometry(geometry);
             commit_scene(scene);
+            let build_seconds = (cpu_time() - before).as_secs_f64();
             match error(device) {
                 0 => {}
                 code => return Err(format!("Embree's error {code}")),
@@ -131,8 +144,17 @@ impl Embree {
                 device,
                 intersect: function!(b"rtcIntersect1\0": Query),
                 occluded: function!(b"rtcOccluded1\0": Query),
+                by_8: (
+                    function!(b"rtcIntersect8\0": packets::Query<8>),
+                    function!(b"rtcOccluded8\0": packets::Query<8>),
+                ),
+                by_16: (
+                    function!(b"rtcIntersect16\0": packets::Query<16>),
+                    function!(b"rtcOccluded16\0": packets::Query<16>),
+                ),
                 release_scene: function!(b"rtcReleaseScene\0": Release),
                 release_device: function!(b"rtcReleaseDevice\0": Release),
+                build_seconds,
                 version: format!("{}.{}.{}", version / 10000, version / 100 % 100, version % 100),
             })
         }
@@ -153,7 +175,7 @@ impl Embree {
     }
 
     fn ask(&self, query: Query, rays: &[Ray], mut answer: impl FnMut(usize, &RayHit)) {
-        let mut arguments = Arguments { flags: 0, features: u32::MAX, pointers: [0; 6] };
+        let mut arguments = Arguments { flags: 0, features: FEATURES, pointers: [0; 6] };
         flushing(|| {
             for (place, ray) in rays.iter().enumerate() {
                 let mut asked = RayHit {

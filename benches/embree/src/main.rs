@@ -4,7 +4,8 @@
 //!
 //! One thread, one ray a call for Embree and whole batches for ours, CPU time. In a round everyone answers a set
 //! once, Embree first and last; a round's ratio is the mean of Embree's two times over ours, and the median of the rounds
-//! is printed. So what else the machine does disturbs both alike.
+//! is printed. So what else the machine does disturbs both alike. `--packets` has Embree answer packets too, `--accuracies` ours at other
+//! accuracies; `--builds` measures builds in place of rays, and `--frames` a frame.
 //!
 //! What it cannot disturb at all is what callgrind counts, for each scene, set, query and contestant in a file of its own:
 //!
@@ -13,20 +14,25 @@
 //!     splitplane-embree --count --avx2 --rays 4096 SCENE.obj...
 //! ```
 
+mod builds;
 mod callgrind;
 mod embree;
+mod frames;
 mod rays;
 mod turns;
 
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::rc::Rc;
+use std::sync::Arc;
 
 use clap::Parser;
-use embree::Embree;
+use embree::{Embree, Of, Packets};
 use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::config::Preset;
 use splitplane_core::mesh::Mesh;
-use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_cpu::{CpuBackend, InstructionSet};
 use splitplane_scene::Scene;
 use turns::{Answers, Contestant, contest};
@@ -55,6 +61,33 @@ struct Options {
     /// One ray a call for ours, too
     #[arg(long)]
     single: bool,
+    /// Accuracies of ours, separated by commas
+    #[arg(long, value_delimiter = ',', default_value = "watertight")]
+    accuracies: Vec<Accuracy>,
+    /// Embree with packets of 16 rays too, of 8 where it is held to AVX2: formed before the clock runs
+    #[arg(long)]
+    packets: bool,
+    /// Builds in place of rays, without callgrind: ours for the first time, again, and over the one before
+    #[arg(long, conflicts_with = "count")]
+    builds: bool,
+    /// A frame of 1024x1024 in place of rays, by preset fast
+    #[arg(long, conflicts_with = "builds")]
+    frames: bool,
+    /// Of the frame: eye and the point looked at, six numbers; placed by rule when left out
+    #[arg(long, num_args = 6, allow_hyphen_values = true, requires = "frames")]
+    camera: Vec<f32>,
+    /// Of the frame: degrees from the bottom to the top
+    #[arg(long, default_value_t = 40.0)]
+    fov: f32,
+    /// Of the frame: lights that are placed by rule
+    #[arg(long, default_value_t = 3)]
+    lights: usize,
+    /// Of the frame: places of lights, three numbers each, in place of those
+    #[arg(long, value_delimiter = ',', allow_hyphen_values = true)]
+    light: Vec<f32>,
+    /// Of the frame: most bounces
+    #[arg(long, default_value_t = 0)]
+    depth: u32,
     /// Count instead of measuring; for callgrind
     #[arg(long)]
     count: bool,
@@ -96,7 +129,7 @@ fn measure(path: &Path, options: &Options, pool: &rayon::ThreadPool) -> Result<(
     if options.count && !callgrind::is_here() {
         return Err("only callgrind counts: start this with valgrind --tool=callgrind".into());
     }
-    let scene = Scene::open(path)?;
+    let mut scene = Scene::open(path)?;
     let mesh = Mesh::indexed(&scene.positions, &scene.indices)?;
     let backend = CpuBackend::new();
     let set = if options.avx2 { InstructionSet::Avx2 } else { InstructionSet::detect() };
@@ -105,10 +138,14 @@ fn measure(path: &Path, options: &Options, pool: &rayon::ThreadPool) -> Result<(
     }
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     let interior = options.interior || ROOMS.iter().any(|room| name.contains(room));
+    let isa = options.avx2.then_some("avx2");
+    if options.frames {
+        println!("{}: {} triangles, {}", scene.name, mesh.len(), set.name());
+        return frames::measure(&mut scene, options, (set, isa), pool);
+    }
     let first = backend.build_accelerator(&mesh, &BuildOptions::from(Preset::Fast.config()))?;
     let sets = rays::sets(&mesh, &scene.bounds(), &first, interior)?;
     drop(first);
-    let isa = options.avx2.then_some("avx2");
     let embree = Embree::build(&options.library, isa, &scene.positions, &scene.indices)?;
     println!(
         "{}: {} triangles, {}, Embree {}{}",
@@ -118,20 +155,44 @@ fn measure(path: &Path, options: &Options, pool: &rayon::ThreadPool) -> Result<(
         embree.version,
         isa.map_or(String::new(), |isa| format!(" with isa={isa}"))
     );
+    if options.builds {
+        let task = builds::Task {
+            library: &options.library,
+            isa,
+            set,
+            pool,
+            mesh,
+            positions: &scene.positions,
+            indices: &scene.indices,
+            rounds: options.rounds,
+        };
+        return options.presets.iter().try_for_each(|preset| task.measure(*preset));
+    }
     let mut contestants = vec![Contestant {
         name: "Embree".into(),
+        ready: Box::new(|_| ()),
         closest: Box::new(|rays, hits| embree.closest(rays, hits)),
         any: Box::new(|rays, hits| embree.any(rays, hits)),
     }];
+    if options.packets {
+        contestants.push(if options.avx2 { packets::<8>(&embree) } else { packets::<16>(&embree) });
+    }
     for preset in &options.presets {
         let backend = CpuBackend::with_instruction_set(set);
         let tree = pool
             .install(|| backend.build_accelerator(&mesh, &BuildOptions::from(preset.config())))?;
-        contestants.push(if options.single {
-            one_by_one(preset.name().into(), tree)
-        } else {
-            ours(preset.name().into(), tree, pool)
-        });
+        let tree = Arc::new(tree);
+        for &accuracy in &options.accuracies {
+            let name = match options.accuracies.len() {
+                1 => preset.name().into(),
+                _ => format!("{} {}", preset.name(), accuracy.name()),
+            };
+            contestants.push(if options.single {
+                one_by_one(name, tree.clone(), accuracy)
+            } else {
+                ours(name, tree.clone(), accuracy, pool)
+            });
+        }
     }
     for (name, rays) in rays::SETS.into_iter().zip(&sets) {
         if options.sets.iter().any(|asked| asked == name) {
@@ -147,47 +208,64 @@ fn measure(path: &Path, options: &Options, pool: &rayon::ThreadPool) -> Result<(
     Ok(())
 }
 
+/// Embree with packets of `N` rays.
+fn packets<const N: usize>(embree: &Embree) -> Contestant<'_>
+where
+    Embree: Of<N>,
+{
+    let packets = Rc::new(RefCell::new(Packets::<N>::new(&[])));
+    let [formed, same] = [packets.clone(), packets.clone()];
+    Contestant {
+        name: format!("Embree by {N}"),
+        ready: Box::new(move |rays| *formed.borrow_mut() = Packets::new(rays)),
+        closest: Box::new(move |_, hits| packets.borrow_mut().closest(embree, hits)),
+        any: Box::new(move |_, hits| same.borrow_mut().any(embree, hits)),
+    }
+}
+
 /// A tree of ours.
 fn ours(
     name: String,
-    tree: splitplane_cpu::CpuAccelerator,
+    tree: Arc<splitplane_cpu::CpuAccelerator>,
+    accuracy: Accuracy,
     pool: &rayon::ThreadPool,
 ) -> Contestant<'_> {
-    let tree = std::sync::Arc::new(tree);
-    let same = tree.clone();
+    let (same, options) = (tree.clone(), QueryOptions { accuracy, ..QueryOptions::default() });
     let closest = move |rays: &[Ray], found: &mut Answers| {
         let mut hits = vec![Hit::MISS; rays.len()];
-        pool.install(|| tree.closest_hits(rays, &mut hits, &QueryOptions::default()))
+        pool.install(|| tree.closest_hits(rays, &mut hits, &options))
             .expect("as many hits as rays");
         for (found, hit) in found.iter_mut().zip(&hits) {
             *found = (hit.t, hit.triangle);
         }
     };
     let any = move |rays: &[Ray], found: &mut [bool]| {
-        pool.install(|| same.any_hits(rays, found, &QueryOptions::default()))
-            .expect("as many answers as rays");
+        pool.install(|| same.any_hits(rays, found, &options)).expect("as many answers as rays");
     };
-    Contestant { name, closest: Box::new(closest), any: Box::new(any) }
+    let ready = Box::new(|_: &[Ray]| ());
+    Contestant { name, ready, closest: Box::new(closest), any: Box::new(any) }
 }
 
 /// A tree of ours that gets one ray a call.
-fn one_by_one(name: String, tree: splitplane_cpu::CpuAccelerator) -> Contestant<'static> {
-    let tree = std::sync::Arc::new(tree);
-    let same = tree.clone();
+fn one_by_one(
+    name: String,
+    tree: Arc<splitplane_cpu::CpuAccelerator>,
+    accuracy: Accuracy,
+) -> Contestant<'static> {
+    let (same, options) = (tree.clone(), QueryOptions { accuracy, ..QueryOptions::default() });
     let closest = move |rays: &[Ray], found: &mut Answers| {
-        let options = QueryOptions::default();
         for (found, ray) in found.iter_mut().zip(rays) {
             let hit = tree.closest_hit(ray, &options).unwrap_or(Hit::MISS);
             *found = (hit.t, hit.triangle);
         }
     };
     let any = move |rays: &[Ray], found: &mut [bool]| {
-        let options = QueryOptions::default();
         for (found, ray) in found.iter_mut().zip(rays) {
             *found = same.any_hit(ray, &options);
         }
     };
-    Contestant { name, closest: Box::new(closest), any: Box::new(any) }
+    let ready = Box::new(|_: &[Ray]| ());
+    Contestant { name, ready, closest: Box::new(closest), any: Box::new(any) }
 }
 
 /// About so many of the rays, in runs of neighbours.

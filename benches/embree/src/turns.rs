@@ -12,9 +12,14 @@ pub(crate) type Answers = [(f32, u32)];
 /// Writes an answer for each ray.
 type Answering<'a, A> = Box<dyn Fn(&[Ray], &mut A) + 'a>;
 
+/// Makes ready for rays.
+type Ready<'a> = Box<dyn Fn(&[Ray]) + 'a>;
+
 /// Someone who answers rays.
 pub(crate) struct Contestant<'a> {
     pub name: String,
+    /// What is done before each turn, and in no time.
+    pub ready: Ready<'a>,
     pub closest: Answering<'a, Answers>,
     pub any: Answering<'a, [bool]>,
 }
@@ -36,10 +41,13 @@ pub(crate) fn contest(
 ) -> Result<(), String> {
     let mut found = vec![vec![(f32::INFINITY, u32::MAX); rays.len()]; all.len()];
     let mut hit = vec![vec![false; rays.len()]; all.len()];
+    let mut ready = |i: usize| (all[i].ready)(rays);
     let mut closest = |i: usize| (all[i].closest)(rays, &mut found[i]);
-    print(&format!("{set} closest"), rays.len(), all, &times(all.len(), rounds, &mut closest));
+    let seconds = times(all.len(), rounds, &mut ready, &mut closest);
+    print(&format!("{set} closest"), rays.len(), all, &seconds);
     let mut any = |i: usize| (all[i].any)(rays, &mut hit[i]);
-    print(&format!("{set} any"), rays.len(), all, &times(all.len(), rounds, &mut any));
+    let seconds = times(all.len(), rounds, &mut ready, &mut any);
+    print(&format!("{set} any"), rays.len(), all, &seconds);
     for (i, one) in all.iter().enumerate() {
         let far = |a: f32, b: f32| a.is_finite() != b.is_finite() || (a - b).abs() > tolerance;
         let pairs = found[0].iter().zip(&found[i]);
@@ -62,17 +70,27 @@ pub(crate) fn count(scene: &str, set: &str, rays: &[Ray], all: &[Contestant<'_>]
     let mut hit = vec![false; rays.len()];
     for one in all {
         let name = |query: &str| format!("{scene} {set} {query} {}: {} rays", one.name, rays.len());
-        callgrind::count(&name("closest"), || (one.closest)(rays, &mut found));
-        callgrind::count(&name("any"), || (one.any)(rays, &mut hit));
+        let ready = || (one.ready)(rays);
+        callgrind::count(&name("closest"), ready, || (one.closest)(rays, &mut found));
+        callgrind::count(&name("any"), ready, || (one.any)(rays, &mut hit));
     }
 }
 
 /// Seconds of everyone in each round; for the first one the mean of a turn at the start and one at the end.
-fn times(count: usize, rounds: usize, work: &mut dyn FnMut(usize)) -> Vec<Vec<f64>> {
-    (0..count).for_each(&mut *work);
+fn times(
+    count: usize,
+    rounds: usize,
+    ready: &mut dyn FnMut(usize),
+    work: &mut dyn FnMut(usize),
+) -> Vec<Vec<f64>> {
+    for i in 0..count {
+        ready(i);
+        work(i);
+    }
     let mut round = |number: usize| {
         let mut seconds = vec![0.0; count];
         let mut timed = |i: usize| {
+            ready(i);
             let before = cpu_time();
             work(i);
             (cpu_time() - before).as_secs_f64()
@@ -101,16 +119,19 @@ fn print(what: &str, rays: usize, all: &[Contestant<'_>], rounds: &[Vec<f64>]) {
     println!();
 }
 
-fn median(numbers: impl Iterator<Item = f64>) -> f64 {
+pub(crate) fn median(numbers: impl Iterator<Item = f64>) -> f64 {
     let mut sorted: Vec<f64> = numbers.collect();
     sorted.sort_by(f64::total_cmp);
     let middle = sorted.len() / 2;
     if sorted.len() % 2 == 1 { sorted[middle] } else { 0.5 * (sorted[middle - 1] + sorted[middle]) }
 }
 
-/// CPU time of this process.
+/// CPU time of this process. Under Valgrind always 0: there nothing is timed, and the system's quick way to the clock cannot be taken.
 #[cfg(unix)]
-fn cpu_time() -> Duration {
+pub(crate) fn cpu_time() -> Duration {
+    if callgrind::is_here() {
+        return Duration::ZERO;
+    }
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
     let [seconds, nanoseconds] =
         [time.tv_sec, time.tv_nsec].map(|part| u64::try_from(part).unwrap_or(0));
@@ -119,7 +140,7 @@ fn cpu_time() -> Duration {
 
 /// Time, where the system's CPU time is not at hand.
 #[cfg(not(unix))]
-fn cpu_time() -> Duration {
+pub(crate) fn cpu_time() -> Duration {
     static START: std::sync::LazyLock<std::time::Instant> =
         std::sync::LazyLock::new(std::time::Instant::now);
     START.elapsed()
@@ -132,6 +153,7 @@ mod tests {
     fn same(t: f32) -> Contestant<'static> {
         Contestant {
             name: format!("all at {t}"),
+            ready: Box::new(|_| ()),
             closest: Box::new(move |_, hits| hits.fill((t, 0))),
             any: Box::new(|_, hits| hits.fill(true)),
         }

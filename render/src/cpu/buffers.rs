@@ -1,5 +1,6 @@
 //! The memory of a frame, kept between frames.
 
+use super::kernels::by_light::ByLight;
 use crate::kernel::Buffer;
 use crate::layout::{Counters, FirstCost, FirstHit, Path, Spawned, Surface};
 use crate::plan::Plan;
@@ -26,10 +27,9 @@ pub struct Buffers {
     pub(crate) counters: Counters,
     /// The hits of shadow rays; only this executor has them.
     pub(crate) occluded: Vec<bool>,
-    /// Shadow rays that continue behind a clear surface, with their numbers; only this executor has
-    /// them.
-    pub(crate) through_rays: Vec<Ray>,
-    pub(crate) through_indices: Vec<u32>,
+    /// Shadow rays in the order in which they are followed, and what they hit where clear surfaces let them pass; only this
+    /// executor has them.
+    pub(crate) by_light: ByLight,
     pub(crate) through_hits: Vec<Hit>,
     /// The instances of all hits, and of those behind clear surfaces; empty where one mesh is shown.
     pub(crate) hit_instances: Vec<u32>,
@@ -86,8 +86,8 @@ impl Buffers {
             + held(&self.first_costs)
             + held(&self.pixels)
             + held(&self.occluded)
-            + held(&self.through_rays)
-            + held(&self.through_indices)
+            + held(&self.by_light.rays)
+            + held(&self.by_light.numbers)
             + held(&self.through_hits)
             + held(&self.hit_instances)
             + held(&self.through_instances)

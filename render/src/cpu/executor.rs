@@ -2,6 +2,7 @@
 
 use super::buffers::Buffers;
 use super::kernels as k;
+use super::kernels::shadow_hits_through_glass::Met;
 use super::photons::{Maps, PhotonReport, PointTrees, Tracing, trace};
 use super::traced::{Traced, of_scene};
 use crate::error::RenderError;
@@ -238,15 +239,35 @@ impl Executor<RayTracer> for CpuExecutor<'_> {
             }
             Kernel::ShadowHits => {
                 let stopwatch = Stopwatch::start();
-                let (rays, lights) = (&b.shadow_rays[..shadows], &mut b.shadow_light[..shadows]);
-                k::shadow_hits::run(self.traced, &query, rays, lights, &mut b.occluded)?;
+                let input = k::shadow_hits::Input {
+                    surfaces: &b.surfaces[..paths],
+                    spawned: &b.spawned[..chunks],
+                    rays: &b.shadow_rays[..shadows],
+                };
+                let (lights, kept) =
+                    (&mut b.shadow_light[..shadows], (&mut b.by_light, &mut b.occluded));
+                k::shadow_hits::run(self.traced, &query, &input, lights, kept)?;
                 self.add_tracing(stopwatch);
             }
             Kernel::ShadowHitsThroughGlass => {
                 let stopwatch = Stopwatch::start();
                 let traced = self.traced;
+                let input = k::shadow_hits::Input {
+                    surfaces: &b.surfaces[..paths],
+                    spawned: &b.spawned[..chunks],
+                    rays: &b.shadow_rays[..shadows],
+                };
+                let (lights, met) = (
+                    &mut b.shadow_light[..shadows],
+                    Met {
+                        by_light: &mut b.by_light,
+                        hits: &mut b.through_hits,
+                        scene_hits: &mut b.scene_hits,
+                        instances: &mut b.through_instances,
+                    },
+                );
                 in_world!(traced, mesh, world => k::shadow_hits_through_glass::run(
-                    traced, &query, &scene, world, shadows, b
+                    traced, &query, &scene, world, &input, lights, met
                 ))?;
                 self.add_tracing(stopwatch);
             }

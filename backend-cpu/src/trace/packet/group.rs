@@ -143,7 +143,7 @@ impl Group {
                     continue;
                 }
                 let (taken, unclear) = if fast {
-                    (0, self.test_fast::<S>(block, rays, index, active))
+                    (self.test_fast::<S>(block, rays, index, active, options.culling, query), 0)
                 } else {
                     self.test::<S>(block, rays, index, active, options.culling, query)
                 };

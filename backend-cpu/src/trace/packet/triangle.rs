@@ -81,7 +81,28 @@ impl Group {
                 S::call(GroupCloserLook { rays, block, index, beyond, met: &mut met });
                 meeting = met.meeting();
             }
-            let Meeting { met, unclear, t: inner, v, w, det, .. } = meeting;
+            let Meeting { met, unclear, t, v, w, det, .. } = meeting;
+            (self.take::<S>(block, rays, index, met, [t, v, w, det], query), unclear)
+        }
+    }
+
+    /// Keeps the hits of one triangle that are within the limits and precede: inner `t`, edge functions opposite the second and the
+    /// third corner, and the sum of all three. Returns the rays whose best hit changed.
+    ///
+    /// # Safety
+    /// As for [`super::Packet::trace`].
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn take<S: Simd>(
+        &mut self,
+        block: &PackedBlock<'_>,
+        rays: &PacketRays<'_>,
+        index: usize,
+        met: u32,
+        [inner, v, w, det]: [S::Floats; 4],
+        query: Query,
+    ) -> u32 {
+        // SAFETY: the caller's contract.
+        unsafe {
             // The caller's t: packets hold no moved rays.
             let most = S::splat(f32::MAX);
             let t = S::mul(inner, load::<S>(&self.outwards));
@@ -92,7 +113,7 @@ impl Group {
             let triangle = S::splat(f32::from_bits(block.triangle(index)));
             if query == Query::Any {
                 put::<S>(S::mask(met), &mut self.triangle, triangle);
-                return (met, unclear);
+                return met;
             }
             let best = load::<S>(&self.t);
             let mut taken = met & !S::bits(S::le(best, t));
@@ -117,21 +138,23 @@ impl Group {
                 let clamped = S::le(most, S::abs(t));
                 put::<S>(mask, &mut self.beyond, S::select(clamped, S::splat(f32::INFINITY), stop));
             }
-            (taken, unclear)
+            taken
         }
     }
 
-    /// The rays for which one triangle may be a hit by the fast test, whichever way it faces.
+    /// The fast test of one triangle against some rays; keeps the hits that precede. Returns the rays whose best hit changed.
     ///
     /// # Safety
     /// As for [`super::Packet::trace`].
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) unsafe fn test_fast<S: Simd>(
-        &self,
+        &mut self,
         block: &PackedBlock<'_>,
         rays: &PacketRays<'_>,
         index: usize,
         active: u32,
+        culling: Culling,
+        query: Query,
     ) -> u32 {
         // SAFETY: the caller's contract.
         unsafe {
@@ -140,7 +163,13 @@ impl Group {
             let corners = corners::<S>(block, index, [0, 1, 2]);
             let limit = S::min(load::<S>(&self.beyond), rays.row::<S>(&rays.ready.t_max));
             let span = [rays.row::<S>(&rays.ready.t_min), limit];
-            fast::may_meet::<S>(origin, direction, corners, span) & active
+            let meeting = fast::meet::<S>(origin, direction, corners, span, culling);
+            let met = meeting.met & active;
+            if met == 0 {
+                return 0;
+            }
+            let found = [meeting.t, meeting.u, meeting.v, S::splat(1.0)];
+            self.take::<S>(block, rays, index, met, found, query)
         }
     }
 }

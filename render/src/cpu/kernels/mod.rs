@@ -1,8 +1,9 @@
-//! The kernels, a file each, by the names of their WGSL twins.
+//! The kernels, a file each, by the names of their WGSL twins, and the order in which shadow rays are followed.
 
 pub(crate) mod accumulate;
 pub(crate) mod begin_slice;
 pub(crate) mod begin_wave;
+pub(crate) mod by_light;
 pub(crate) mod camera_rays;
 pub(crate) mod first_costs;
 pub(crate) mod first_hits;

@@ -1,21 +1,43 @@
 //! Removes the light of shadow rays that hit something.
 
+use super::by_light::ByLight;
+use crate::cpu::scatter::by_chunk;
 use crate::cpu::traced::Traced;
-use rayon::prelude::*;
+use crate::layout::{Spawned, Surface};
 use splitplane_core::error::QueryError;
 use splitplane_core::ray::{QueryOptions, Ray};
+
+/// The rays of a wave, and who asked for them.
+pub(crate) struct Input<'a> {
+    pub(crate) surfaces: &'a [Surface],
+    /// Where the rays of each chunk begin.
+    pub(crate) spawned: &'a [Spawned],
+    pub(crate) rays: &'a [Ray],
+}
 
 pub(crate) fn run(
     traced: Traced<'_>,
     options: &QueryOptions<'_>,
-    rays: &[Ray],
+    input: &Input<'_>,
     lights: &mut [[f32; 4]],
-    occluded: &mut Vec<bool>,
+    (by_light, occluded): (&mut ByLight, &mut Vec<bool>),
 ) -> Result<(), QueryError> {
-    occluded.clear();
-    occluded.resize(rays.len(), false);
-    traced.any_hits(rays, occluded, options)?;
-    let pairs = lights.par_iter_mut().zip(&*occluded).with_min_len(4096);
-    pairs.filter(|(_, occluded)| **occluded).for_each(|(light, _)| *light = [0.0; 4]);
+    let Input { surfaces, spawned, rays } = *input;
+    by_light.take(surfaces, spawned, rays);
+    let (ordered, numbers) = (&by_light.rays[..rays.len()], &by_light.numbers[..rays.len()]);
+    if occluded.len() < rays.len() {
+        occluded.resize(rays.len(), false);
+    }
+    let occluded = &mut occluded[..rays.len()];
+    traced.any_hits(ordered, occluded, options)?;
+    let start = |chunk: usize| spawned[chunk].shadow_rays as usize;
+    by_chunk(0..spawned.len(), &start, lights, occluded, &|chunk, lights, occluded| {
+        let numbers = &numbers[start(chunk).min(numbers.len())..];
+        for (&occluded, &number) in occluded.iter().zip(numbers) {
+            if occluded {
+                lights[number as usize] = [0.0; 4];
+            }
+        }
+    });
     Ok(())
 }

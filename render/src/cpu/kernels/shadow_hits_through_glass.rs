@@ -1,50 +1,110 @@
 //! Removes the light of shadow rays that hit something opaque; clear surfaces only tint it. Light
 //! goes straight through them: no lens gathers it.
 
-use crate::cpu::buffers::Buffers;
+use super::by_light::ByLight;
+use super::shadow_hits::Input;
 use crate::cpu::traced::Traced;
 use crate::scene_data::DIELECTRIC;
 use crate::scene_words::SceneWords;
 use crate::surface::{MOST_CLEAR_LAYERS, after};
 use crate::vector::{greatest, mul};
 use crate::world::{Spot, World};
+use rayon::prelude::*;
 use splitplane_core::error::QueryError;
-use splitplane_core::ray::{Hit, QueryOptions};
+use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::scene::SceneHit;
+
+/// Chunks that a thread takes at a time.
+const CHUNKS: usize = 8;
+
+/// What rays met; kept between waves.
+pub(crate) struct Met<'a> {
+    pub(crate) by_light: &'a mut ByLight,
+    pub(crate) hits: &'a mut Vec<Hit>,
+    pub(crate) scene_hits: &'a mut Vec<SceneHit>,
+    pub(crate) instances: &'a mut Vec<u32>,
+}
+
+/// The rays of a chunk of paths that are still under way, and the light of all its rays.
+struct Part<'a> {
+    rays: &'a mut [Ray],
+    numbers: &'a mut [u32],
+    hits: &'a [Hit],
+    /// Empty in one mesh.
+    instances: &'a [u32],
+    lights: &'a mut [[f32; 4]],
+    /// How many go on.
+    kept: usize,
+}
 
 pub(crate) fn run(
     traced: Traced<'_>,
     options: &QueryOptions<'_>,
     scene: &SceneWords<'_>,
     world: impl World,
-    count: usize,
-    buffers: &mut Buffers,
+    input: &Input<'_>,
+    lights: &mut [[f32; 4]],
+    met: Met<'_>,
 ) -> Result<(), QueryError> {
-    let Buffers { shadow_rays, shadow_light, through_rays, through_indices, through_hits, .. } =
-        buffers;
-    let (scene_hits, instances) = (&mut buffers.scene_hits, &mut buffers.through_instances);
-    through_rays.clear();
-    through_rays.extend_from_slice(&shadow_rays[..count]);
-    through_indices.clear();
-    through_indices.extend(0..count as u32);
+    let Input { surfaces, spawned, rays: stored } = *input;
+    let Met { by_light, hits, scene_hits, instances } = met;
+    by_light.take(surfaces, spawned, stored);
+    let (rays, numbers) =
+        (&mut by_light.rays[..stored.len()], &mut by_light.numbers[..stored.len()]);
+    if hits.len() < stored.len() {
+        hits.resize(stored.len(), Hit::MISS);
+    }
+    // A void frame has fewer rays than surfaces ask for.
+    let starts = spawned.iter().map(|spawned| (spawned.shadow_rays as usize).min(stored.len()));
+    let ends = starts.clone().skip(1).chain([stored.len()]);
+    let stored_counts: Vec<usize> = starts.zip(ends).map(|(start, end)| end - start).collect();
+    let mut counts = stored_counts.clone();
+    let mut count = stored.len();
     for layer in 0..=MOST_CLEAR_LAYERS {
-        through_hits.clear();
-        through_hits.resize(through_rays.len(), Hit::MISS);
-        traced.closest_hits(
-            through_rays,
-            through_hits,
-            (&mut *scene_hits, &mut *instances),
-            options,
-        )?;
-        let mut kept = 0;
-        for i in 0..through_rays.len() {
-            let (hit, index) = (through_hits[i], through_indices[i]);
+        let hits = &mut hits[..count];
+        traced.closest_hits(&rays[..count], hits, (&mut *scene_hits, &mut *instances), options)?;
+        let mut parts = Vec::with_capacity(counts.len());
+        let mut rest = (&mut *rays, &mut *numbers, &*hits, &instances[..], &mut *lights);
+        for (&stored, &count) in stored_counts.iter().zip(&counts) {
+            let (rays, rays_left) = rest.0.split_at_mut(count);
+            let (numbers, numbers_left) = rest.1.split_at_mut(count);
+            let (hits, hits_left) = rest.2.split_at(count);
+            let (instances, instances_left) = rest.3.split_at(count.min(rest.3.len()));
+            let (lights, lights_left) = rest.4.split_at_mut(stored);
+            parts.push(Part { rays, numbers, hits, instances, lights, kept: 0 });
+            rest = (rays_left, numbers_left, hits_left, instances_left, lights_left);
+        }
+        let last = layer == MOST_CLEAR_LAYERS;
+        parts.par_iter_mut().with_min_len(CHUNKS).for_each(|part| part.pass(scene, world, last));
+        let kept: Vec<usize> = parts.into_iter().map(|part| part.kept).collect();
+        let (mut from, mut to) = (0, 0);
+        for (count, kept) in counts.iter_mut().zip(kept) {
+            rays.copy_within(from..from + kept, to);
+            numbers.copy_within(from..from + kept, to);
+            (from, to) = (from + *count, to + kept);
+            *count = kept;
+        }
+        count = to;
+        if count == 0 {
+            break;
+        }
+    }
+    Ok(())
+}
+
+impl Part<'_> {
+    /// Tints or removes the light of rays that hit something, and moves those that go on to the front. `last` says that no more
+    /// clear surfaces are passed.
+    fn pass(&mut self, scene: &SceneWords<'_>, world: impl World, last: bool) {
+        for i in 0..self.rays.len() {
+            let (hit, number) = (self.hits[i], self.numbers[i]);
             if !hit.is_hit() {
                 continue;
             }
-            let light = &mut shadow_light[index as usize];
-            let instance = instances.get(i).copied().unwrap_or(0);
+            let light = &mut self.lights[number as usize];
+            let instance = self.instances.get(i).copied().unwrap_or(0);
             let material = world.material(scene, Spot { triangle: hit.triangle, instance });
-            if layer == MOST_CLEAR_LAYERS || scene.material_kind(material) != DIELECTRIC {
+            if last || scene.material_kind(material) != DIELECTRIC {
                 *light = [0.0; 4];
                 continue;
             }
@@ -52,17 +112,11 @@ pub(crate) fn run(
             let [r, g, b] = mul([light[0], light[1], light[2]], tint);
             *light = [r, g, b, 0.0];
             if greatest([r, g, b]) > 0.0 {
-                through_rays[kept] =
-                    through_rays[i].with_limits(after(hit.t), through_rays[i].t_max);
-                through_indices[kept] = index;
-                kept += 1;
+                let ray = self.rays[i];
+                self.rays[self.kept] = ray.with_limits(after(hit.t), ray.t_max);
+                self.numbers[self.kept] = number;
+                self.kept += 1;
             }
         }
-        if kept == 0 {
-            break;
-        }
-        through_rays.truncate(kept);
-        through_indices.truncate(kept);
     }
-    Ok(())
 }
