@@ -72,8 +72,7 @@ impl<'a, const N: usize> Compiled for Divide<'a, N> {
         let here = Node { points, places, middle, axis: (axes, level) };
         let rooms = Rooms { right: middle, ends: [middle, places] };
         // SAFETY: the caller's contract; columns have as many places.
-        node[0] =
-            unsafe { divide::<S, N>(&here, &columns.pointers(), &spare.pointers(), &rooms) };
+        node[0] = unsafe { divide::<S, N>(&here, &columns.pointers(), &spare.pointers(), &rooms) };
         let [left, right] = spare.split_at(middle);
         let [left_spare, right_spare] = columns.split_at(middle);
         let child = |points, columns, spare, nodes| Work {
@@ -180,7 +179,8 @@ impl<const N: usize> Compiled for Finish<'_, N> {
                 let to = from_place::<N>(&buffers[next], place(next, first, base));
                 nodes[first + half - 1] = divide::<S, N>(&here, &from, &to, &rooms);
                 for first in [first + half, first] {
-                    waiting[count] = Waiting { first, height: height - 1, level: level + 1, buffer: next };
+                    waiting[count] =
+                        Waiting { first, height: height - 1, level: level + 1, buffer: next };
                     count += 1;
                 }
             }
@@ -308,6 +308,7 @@ mod tests {
     use splitplane_core::points::tree::Axes;
 
     use crate::points::CpuPointTree;
+    use crate::simd::InstructionSet;
     use splitplane_core::points::build::{PointOptions, build};
 
     /// Numbers below one, the next of a sequence.
@@ -316,7 +317,8 @@ mod tests {
         (*state >> 8) as f32 / 16_777_216.0
     }
 
-    /// Clouds with nodes that are divided by samples, by whole brackets of records, and where all or half of a bracket is on the plane.
+    /// Clouds with nodes that are divided by samples, large and small, and where all or half of a node's points are on the plane; with and without
+    /// places of no point.
     #[test]
     fn trees_are_the_references() {
         let count = 20_011;
@@ -336,11 +338,13 @@ mod tests {
         ];
         for (name, points) in &clouds {
             for axes in [Axes::Widest, Axes::Cycle] {
-                for count in [count, 513, 8192, 16_385] {
+                for count in [count, 257, 513, 4096, 16_385] {
                     let options = PointOptions { axes, ..PointOptions::default() };
-                    let tree = CpuPointTree::build(&points[..count], &options).unwrap();
                     let expected = build(&points[..count], &options).unwrap();
-                    assert!(*tree.tree() == expected, "{name} {axes:?} {count}");
+                    for set in InstructionSet::available() {
+                        let tree = CpuPointTree::build_on(&points[..count], &options, set).unwrap();
+                        assert!(*tree.tree() == expected, "{name} {axes:?} {count} {set:?}");
+                    }
                 }
             }
         }

@@ -88,8 +88,7 @@ impl<const N: usize, V: Visitor> Compiled for Search<'_, N, V> {
         let top = levels - 1;
         // SAFETY: the caller's contract.
         unsafe {
-            let next =
-                enter::<S, N, V>(searched.layout, &query, visitor, top, 0, &mut frames[top]);
+            let next = enter::<S, N, V>(searched.layout, &query, visitor, top, 0, &mut frames[top]);
             go_on::<S, N, V>(searched, &query, visitor, frames, top, next);
         }
     }

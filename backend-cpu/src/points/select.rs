@@ -22,8 +22,22 @@ const MOST_PASSES: usize = 60;
 
 /// Where a sample is taken, in parts of 2^32 of the column: neither in order nor at equal steps, since points often are.
 const PLACES: [u32; SAMPLE] = [
-    0x0851_2f31, 0x9a3c_77d5, 0x51e8_03ab, 0xd27f_6e19, 0x2bd4_9c47, 0xb8f1_2d63, 0x6d0b_58f7, 0xf0a6_c18d,
-    0x1943_e6bf, 0xa96e_3b05, 0x43c7_8d91, 0xe35a_f42f, 0x3a18_6ac3, 0xc709_91eb, 0x7c85_b457, 0x8e2d_d079,
+    0x0851_2f31,
+    0x9a3c_77d5,
+    0x51e8_03ab,
+    0xd27f_6e19,
+    0x2bd4_9c47,
+    0xb8f1_2d63,
+    0x6d0b_58f7,
+    0xf0a6_c18d,
+    0x1943_e6bf,
+    0xa96e_3b05,
+    0x43c7_8d91,
+    0xe35a_f42f,
+    0x3a18_6ac3,
+    0xc709_91eb,
+    0x7c85_b457,
+    0x8e2d_d079,
 ];
 
 /// The number that has a rank in a column, and how many are below it. The column has `count` numbers, a multiple of sixteen of which none is
@@ -243,10 +257,7 @@ const VECTORS: usize = FEW / 8;
 /// # Safety
 /// The processor must have the set.
 #[cfg_attr(not(unoptimised), inline(always))]
-unsafe fn counts<S: Simd, const W: usize>(
-    row: &[f32; FEW],
-    length: usize,
-) -> [S::Floats; VECTORS] {
+unsafe fn counts<S: Simd, const W: usize>(row: &[f32; FEW], length: usize) -> [S::Floats; VECTORS] {
     // SAFETY: the caller's contract; `W` is at most the row's length.
     unsafe {
         let (zero, one) = (S::splat(0.0), S::splat(1.0));
@@ -366,11 +377,9 @@ mod tests {
     #[test]
     fn order_does_not_matter() {
         for count in [64, 1024, 8192] {
-            let orders: [&dyn Fn(usize) -> f32; 3] = [
-                &|i| i as f32,
-                &|i| -(i as f32),
-                &|i| 2.0f32.powi((i * 37 % 240) as i32 - 120) * (1 + i % 7) as f32,
-            ];
+            let orders: [&dyn Fn(usize) -> f32; 3] = [&|i| i as f32, &|i| -(i as f32), &|i| {
+                2.0f32.powi((i * 37 % 240) as i32 - 120) * (1 + i % 7) as f32
+            }];
             for order in orders {
                 let column: Vec<f32> = (0..count).map(order).collect();
                 for rank in [0, 1, count / 3, count / 2, count - 1] {

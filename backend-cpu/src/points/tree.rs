@@ -62,6 +62,15 @@ impl<const N: usize> CpuPointTree<N> {
         points: &[[f32; N]],
         options: &PointOptions<'_>,
     ) -> Result<CpuPointTree<N>, PointBuildError> {
+        CpuPointTree::build_on(points, options, InstructionSet::detect())
+    }
+
+    /// [`CpuPointTree::build`], on a set that the processor has.
+    pub(super) fn build_on(
+        points: &[[f32; N]],
+        options: &PointOptions<'_>,
+        set: InstructionSet,
+    ) -> Result<CpuPointTree<N>, PointBuildError> {
         let meter = &ProgressMeter::of(options.watch);
         let survey = Survey::of(points)?;
         let total = survey.kept();
@@ -70,7 +79,7 @@ impl<const N: usize> CpuPointTree<N> {
             return Err(PointBuildError::OutOfMemory { needed, limit });
         }
         meter.begin_stage(Stage::Points, total as u64);
-        let (blocks, set) = (total.div_ceil(BLOCK), InstructionSet::detect());
+        let blocks = total.div_ceil(BLOCK);
         let refused = |_| PointBuildError::OutOfMemory { needed, limit: needed };
         let (mut lines, mut ordered, mut nodes) = (Vec::new(), Vec::new(), Vec::new());
         let (mut indices, mut spare) = (Vec::new(), Vec::new());
@@ -82,7 +91,7 @@ impl<const N: usize> CpuPointTree<N> {
         lengthen(&mut nodes, blocks.saturating_sub(1), none).map_err(refused)?;
         let mut columns = Columns::new(numbers(&mut lines), &mut indices);
         let (all, unit) = (total == points.len(), survey.unit);
-        // SAFETY: `set` was detected on this processor.
+        // SAFETY: the processor has the set.
         unsafe { set.run(Gather { points, all, unit, columns: &mut columns }) };
         if blocks > 0 {
             let work = Work {
@@ -108,7 +117,7 @@ impl<const N: usize> CpuPointTree<N> {
         }
         indices.truncate(total);
         ordered.truncate(total);
-        // SAFETY: `set` was detected on this processor.
+        // SAFETY: the processor has the set.
         unsafe { set.run(Spread { columns: &lines, points: &mut ordered }) };
         let layout = PointLayout::of_columns(total, lines, set).map_err(refused)?;
         let tree = survey.finish(options.axes, nodes, ordered, indices);
@@ -329,7 +338,8 @@ fn bytes<const N: usize>(points: usize) -> u64 {
 
 /// Bytes of a build: besides, a second column of indices, and the rest of the last block.
 fn build_bytes<const N: usize>(points: usize) -> u64 {
-    bytes::<N>(points) + ((points + 2 * BLOCK) * size_of::<u32>() + BLOCK * size_of::<[f32; N]>()) as u64
+    bytes::<N>(points)
+        + ((points + 2 * BLOCK) * size_of::<u32>() + BLOCK * size_of::<[f32; N]>()) as u64
 }
 
 /// Builds a subtree, the children of large nodes side by side.
