@@ -157,10 +157,13 @@ impl<const N: usize> Compiled for Finish<'_, N> {
                     }
                     continue;
                 }
-                let next = match buffer {
-                    0 | 1 if own > SMALL => 1 - buffer,
-                    0 | 1 | 3 => 2,
-                    _ => 3,
+                // The two large buffers take turns, and so do the two small ones.
+                let next = if buffer >= 2 {
+                    5 - buffer
+                } else if own > SMALL {
+                    1 - buffer
+                } else {
+                    2
                 };
                 if buffer < 2 && next == 2 {
                     base = first;
