@@ -229,6 +229,31 @@ fn radius_and_filter() {
     }
 }
 
+/// Queries that are answered side by side have each their own end, and none where nothing is near.
+#[test]
+fn batches_within_a_radius() {
+    let mut random = Random::new(9);
+    let points: Vec<[f32; 3]> = (0..5000).map(|_| random.point(1.0)).collect();
+    let tree = CpuPointTree::build(&points, &PointOptions::default()).unwrap();
+    let mut queries = queries(&points, &mut random);
+    queries[3] = [f32::NAN; 3];
+    for set in InstructionSet::available() {
+        let tree = CpuPointTree::of(tree.tree().clone(), None).unwrap().with_instruction_set(set);
+        for k in [1, 3, 8, 9] {
+            for max_distance in [0.0, 0.05, 0.3, f32::INFINITY, f32::NAN] {
+                let options = NearestOptions { max_distance, ..options(k) };
+                let mut found = vec![Neighbour::NONE; k * queries.len()];
+                tree.nearest(&queries, &mut found, &options).unwrap();
+                for (&query, found) in queries.iter().zip(found.chunks(k)) {
+                    let mut expected = nearest::nearest(tree.tree(), query, &options).unwrap();
+                    expected.resize(k, Neighbour::NONE);
+                    assert_eq!(found, expected, "{set:?} {k} {max_distance} {query:?}");
+                }
+            }
+        }
+    }
+}
+
 #[test]
 fn threads_make_no_difference() {
     let mut random = Random::new(21);

@@ -4,7 +4,7 @@
 mod common;
 mod device;
 
-use common::{ALL, World, cornell, cornell_camera, everything};
+use common::{ALL, World, along_z, cornell, cornell_camera, everything};
 use device::gpu;
 use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::error::{DeviceError, QueryError};
@@ -260,6 +260,60 @@ fn objects_are_lit_by_photons_from_the_device() {
     assert_ne!(planted, source);
     queries.replace_point_kernel(PointQueryKernel::NearestPoints, Some(planted));
     assert!(picture(&mut gpu).0 != expected.0);
+}
+
+/// Both sides are timed over one wave of rays, from what the camera sees, or those of the camera; where there is no choice nothing is traced, and
+/// no picture changes.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn rays_are_tried_on_both_sides() {
+    let world = everything();
+    let mut both = both(&world);
+    let mesh = Mesh::soup(&world.triangles).unwrap();
+    let (_, paths) = kinds()[1];
+    let paths = RenderSettings { samples: 1, passes: 1, ..paths };
+    let at = |z| FrameRequest { camera: along_z([0.0, 0.0, z], size(), 0.36), ..request(paths) };
+    let seen = |tracer: &mut Tracer, frame: &FrameRequest<'_>| {
+        let frame = tracer.frame(&mesh, frame).unwrap();
+        frame.first_hits().unwrap().iter().filter(|hit| hit.triangle != u32::MAX).count()
+    };
+    let pixels = size().pixels() as usize;
+    // The room fills the picture, is in its middle, and is behind the camera, whose own rays are traced then.
+    for (z, some) in [(3.7, None), (9.0, None), (-20.0, Some(pixels))] {
+        let hits = seen(&mut both.cpu, &at(z));
+        assert_eq!(hits == 0, some.is_some(), "{z}");
+        assert!(z < 9.0 || (hits > 4 && hits < pixels / 2), "{z}: {hits}");
+        let before = both.gpu.traffic().unwrap();
+        let trial = both.gpu.try_rays(&mesh, &at(z)).unwrap().unwrap();
+        assert_eq!(trial.rays, some.unwrap_or(hits), "{z}");
+        assert!(!trial.cpu.is_zero() && !trial.gpu.is_zero(), "{trial:?}");
+        assert_eq!(trial.is_for_gpu(), trial.gpu < trial.cpu);
+        // The camera's rays once, and those of the wave three times: hits of 16 bytes come back.
+        let read = both.gpu.traffic().unwrap().bytes_down - before.bytes_down;
+        assert_eq!(read, 16 * (pixels + 3 * trial.rays) as u64, "{z}");
+    }
+    both.same("after a trial", &world, &request(paths));
+    let direct = request(RenderSettings { depth: 2, ..RenderSettings::default() });
+    let before = both.gpu.traffic().unwrap();
+    assert_eq!(both.gpu.shading(&direct.settings), Shading::Gpu);
+    assert_eq!(both.gpu.try_rays(&mesh, &direct).unwrap(), None);
+    assert_eq!(both.cpu.try_rays(&mesh, &at(3.7)).unwrap(), None);
+    assert_eq!(both.gpu.traffic().unwrap(), before);
+    // What ends a frame ends a trial: a watch, and settings out of range.
+    let stop = |progress: &Progress| match progress.stage {
+        Stage::Rays => ControlFlow::Break(()),
+        _ => ControlFlow::Continue(()),
+    };
+    let query = QueryOptions { watch: Some(&stop), ..QueryOptions::default() };
+    let error = both.gpu.try_rays(&mesh, &FrameRequest { query, ..at(3.7) }).unwrap_err();
+    let is_cancelled = matches!(
+        error,
+        TracerError::Render(RenderError::Query(QueryError::Cancelled { done: 0, .. }))
+    );
+    assert!(is_cancelled, "{error:?}");
+    let none = RenderSettings { samples: 0, ..paths };
+    let error = both.gpu.try_rays(&mesh, &request(none)).unwrap_err();
+    assert!(matches!(error, TracerError::Render(_)), "{error:?}");
 }
 
 /// Every part of the work that is the device's: a fault in its kernel changes the picture.

@@ -1,28 +1,24 @@
-//! How this backend divides points: the bytes of [`Subtree::divide`](splitplane_core::points::build::Subtree::divide), in fewer
-//! moves than a selection in place.
+//! How this backend divides points: the bytes of [`Subtree::divide`](splitplane_core::points::build::Subtree::divide), by vectors.
 //!
-//! Records always stand by index, so only coordinates are compared, and blocks need no sorting. A node's plane is found from a
-//! sample, whose order brackets the plane: one pass counts the coordinates below the bracket and gathers those in it, among which the plane
-//! is selected. A second pass moves the records to the other of two buffers: those below the plane to the left, those above to the
-//! right, and of those on it as many to the left as have room there. A sample decides how much work that is, never the result.
-
-use core::hint::select_unpredictable;
+//! Points always stand by index, so only coordinates are compared, and blocks need no sorting. A node's plane is selected
+//! ([`select`](super::select)); then its columns move to the other of two buffers: points below the plane to the left, those above to the
+//! right, and of those on it as many to the left as have room there.
+//!
+//! Whole vectors are written, so up to a vector's lanes behind the end of either child may be overwritten. A subtree of few blocks is
+//! finished in buffers of its own, small enough for the nearest cache, where each block has as much room again behind it. Elsewhere the
+//! last points of a child are written one by one.
 
 use splitplane_core::arithmetic::snap;
-use splitplane_core::points::tree::{Axes, BLOCK, PointNode, Record, from_ordered};
+use splitplane_core::points::tree::{Axes, BLOCK, PointNode};
 
-use crate::simd::{Compiled, Simd};
+use super::columns::{Columns, MOST_COLUMNS, Pointers, from_place};
+use super::select::select;
+use crate::simd::{Compiled, Simd, split_exactly};
 
-/// Coordinates that are selected from at once: most of a sample, or of a bracket.
-const ROOM: usize = 4096;
-/// Nodes of fewer points are selected from without a sample.
-const FEW: usize = 512;
-
-/// Coordinates that are being selected from.
-pub(super) type Keys = [u32; ROOM];
-
-/// Space for them.
-pub(super) const NO_KEYS: Keys = [0; ROOM];
+/// Blocks of a subtree that has buffers of its own.
+const SMALL: usize = 16;
+/// Places of a block in such a buffer: as many again as it has points, at least a vector's lanes.
+const ROOM: usize = 2 * BLOCK;
 
 /// A subtree that is to be built. Blocks count from its first.
 #[derive(Debug)]
@@ -32,251 +28,290 @@ pub(super) struct Work<'a, const N: usize> {
     pub(super) height: u32,
     /// Nodes above.
     pub(super) level: u32,
-    /// Where its records are, by index.
-    pub(super) records: &'a mut [Record<N>],
+    /// Points in it; the places after them are of no points.
+    pub(super) points: usize,
+    /// Where its points are, by index.
+    pub(super) columns: Columns<'a, N>,
     /// As much space.
-    pub(super) spare: &'a mut [Record<N>],
-    /// Whether finished records belong into `spare`.
+    pub(super) spare: Columns<'a, N>,
+    /// Whether finished points belong into `spare`.
     pub(super) moved: bool,
     pub(super) nodes: &'a mut [PointNode],
 }
 
-impl<'a, const N: usize> Work<'a, N> {
-    /// Points in it.
-    pub(super) fn len(&self) -> usize {
-        self.records.len()
-    }
-
+impl<const N: usize> Work<'_, N> {
     /// The height of the highest node that has two children.
     fn highest(&self) -> u32 {
         (self.nodes.len() + 1).next_power_of_two().trailing_zeros().min(self.height)
     }
+
+    /// Checked once, so that no loop need ask.
+    fn check(&self) {
+        let places = (self.nodes.len() + 1) * BLOCK;
+        assert!(self.points <= places && self.points + BLOCK > places);
+        assert!(self.columns.len() == places && self.spare.len() == places);
+    }
 }
 
 /// Divides the points of a node among two children. There must be more than a block.
-pub(super) struct Divide<'a, 'b, const N: usize>(pub(super) Work<'a, N>, pub(super) &'b mut Keys);
+pub(super) struct Divide<'a, const N: usize>(pub(super) Work<'a, N>);
 
-impl<'a, const N: usize> Compiled for Divide<'a, '_, N> {
+impl<'a, const N: usize> Compiled for Divide<'a, N> {
     type Output = [Work<'a, N>; 2];
 
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> [Work<'a, N>; 2] {
-        let Divide(work, keys) = self;
+        let Divide(work) = self;
+        work.check();
         let height = work.highest() - 1;
-        let Work { axes, level, records, spare, moved, nodes, .. } = work;
-        let half = 1 << height;
+        let Work { axes, level, points, mut columns, mut spare, moved, nodes, .. } = work;
+        let (half, places) = (1 << height, columns.len());
         let middle = half * BLOCK;
         let (left_nodes, rest) = nodes.split_at_mut(half - 1);
         let (node, right_nodes) = rest.split_at_mut(1);
-        node[0] = divide(records, spare, middle, (axes, level), keys);
-        let (left, right) = spare.split_at_mut(middle);
-        let (left_spare, right_spare) = records.split_at_mut(middle);
-        let child = |records, spare, nodes| Work {
+        let here = Node { points, places, middle, axis: (axes, level) };
+        let rooms = Rooms { right: middle, ends: [middle, places] };
+        // SAFETY: the caller's contract; columns have as many places.
+        node[0] = unsafe { divide::<S, N>(&here, &columns.pointers(), &spare.pointers(), &rooms) };
+        let [left, right] = spare.split_at(middle);
+        let [left_spare, right_spare] = columns.split_at(middle);
+        let child = |points, columns, spare, nodes| Work {
             axes,
             height,
             level: level + 1,
-            records,
+            points,
+            columns,
             spare,
             moved: !moved,
             nodes,
         };
-        [child(left, left_spare, left_nodes), child(right, right_spare, right_nodes)]
+        [
+            child(middle, left, left_spare, left_nodes),
+            child(points - middle, right, right_spare, right_nodes),
+        ]
     }
 }
 
 /// Builds a whole subtree.
-pub(super) struct Finish<'a, 'b, const N: usize>(pub(super) Work<'a, N>, pub(super) &'b mut Keys);
+pub(super) struct Finish<'a, const N: usize>(pub(super) Work<'a, N>);
 
-impl<const N: usize> Compiled for Finish<'_, '_, N> {
+/// A node that is to be divided.
+#[derive(Clone, Copy)]
+struct Waiting {
+    /// Its first block.
+    first: usize,
+    height: u32,
+    level: u32,
+    /// The buffer with its points.
+    buffer: usize,
+}
+
+/// One of the two small buffers.
+type SmallBuffer = [[u32; SMALL * ROOM]; MOST_COLUMNS];
+
+impl<const N: usize> Compiled for Finish<'_, N> {
     type Output = ();
 
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) {
-        let Finish(work, keys) = self;
-        let (points, blocks) = (work.len(), work.nodes.len() + 1);
-        let mut buffers = [work.records, work.spare];
+        let Finish(mut work) = self;
+        work.check();
+        let (points, blocks) = (work.points, work.nodes.len() + 1);
         let (axes, nodes, home) = (work.axes, work.nodes, usize::from(work.moved));
-        // A node that is to be divided: its first block, height, level, and the buffer with its records. A child of each
-        // level waits.
-        let mut waiting = [(0, 0, 0, 0); 32];
-        waiting[0] = (0, work.height, work.level, 0);
+        let mut small: [SmallBuffer; 2] = [[[0; SMALL * ROOM]; MOST_COLUMNS]; 2];
+        let [near, other] = &mut small;
+        let buffers = [
+            work.columns.pointers(),
+            work.spare.pointers(),
+            near.each_mut().map(|column| column.as_mut_ptr()),
+            other.each_mut().map(|column| column.as_mut_ptr()),
+        ];
+        // The first block of the subtree that is in the small buffers.
+        let mut base = 0;
+        let place = |buffer: usize, block: usize, base: usize| match buffer {
+            0 | 1 => block * BLOCK,
+            _ => (block - base) * ROOM,
+        };
+        // A child of each level waits.
+        let mut waiting = [Waiting { first: 0, height: 0, level: 0, buffer: 0 }; 32];
+        waiting[0].height = work.height;
+        waiting[0].level = work.level;
         let mut count = 1;
         while count > 0 {
             count -= 1;
-            let (first, mut height, level, buffer) = waiting[count];
+            let Waiting { first, mut height, level, buffer } = waiting[count];
             while height > 0 && first + (1 << (height - 1)) >= blocks {
                 height -= 1;
             }
-            let places = first * BLOCK..points.min((first + (1 << height)) * BLOCK);
-            let [zeroth, other] = &mut buffers;
-            let (from, to) = if buffer == 0 { (zeroth, other) } else { (other, zeroth) };
-            if height == 0 {
-                if buffer != home {
-                    to[places.clone()].copy_from_slice(&from[places]);
+            let own = blocks.min(first + (1 << height)) - first;
+            // SAFETY: columns and buffers have these places, as `check` and the sizes of the small ones say: a subtree there has
+            // at most `SMALL` blocks, and all that is overwritten behind a child is its own room.
+            unsafe {
+                let from = from_place::<N>(&buffers[buffer], place(buffer, first, base));
+                if height == 0 {
+                    if buffer != home {
+                        let to = from_place::<N>(&buffers[home], first * BLOCK);
+                        for column in 0..=N {
+                            to[column].copy_from_nonoverlapping(from[column], BLOCK);
+                        }
+                    }
+                    continue;
                 }
-                continue;
-            }
-            let half = 1 << (height - 1);
-            let (from, to) = (&from[places.clone()], &mut to[places]);
-            nodes[first + half - 1] = divide(from, to, half * BLOCK, (axes, level), keys);
-            for child in [first + half, first] {
-                waiting[count] = (child, height - 1, level + 1, 1 - buffer);
-                count += 1;
+                // The two large buffers take turns, and so do the two small ones.
+                let next = if buffer >= 2 {
+                    5 - buffer
+                } else if own > SMALL {
+                    1 - buffer
+                } else {
+                    2
+                };
+                if buffer < 2 && next == 2 {
+                    base = first;
+                }
+                let half = 1 << (height - 1);
+                let here = Node {
+                    points: points.min((first + own) * BLOCK) - first * BLOCK,
+                    places: own * BLOCK,
+                    middle: half * BLOCK,
+                    axis: (axes, level),
+                };
+                let rooms = match next {
+                    0 | 1 => Rooms { right: here.middle, ends: [here.middle, here.places] },
+                    _ => Rooms { right: half * ROOM, ends: [half * ROOM, own * ROOM] },
+                };
+                let to = from_place::<N>(&buffers[next], place(next, first, base));
+                nodes[first + half - 1] = divide::<S, N>(&here, &from, &to, &rooms);
+                for first in [first + half, first] {
+                    waiting[count] =
+                        Waiting { first, height: height - 1, level: level + 1, buffer: next };
+                    count += 1;
+                }
             }
         }
     }
 }
 
-/// Moves records to the children: so many to the left.
-#[cfg_attr(not(unoptimised), inline(always))]
-fn divide<const N: usize>(
-    from: &[Record<N>],
-    to: &mut [Record<N>],
+/// A node.
+struct Node {
+    points: usize,
+    /// Points, and the places after them that are of none.
+    places: usize,
+    /// Points of the left child.
     middle: usize,
-    (axes, level): (Axes, u32),
-    keys: &mut Keys,
-) -> PointNode {
-    let axis = match axes {
-        Axes::Cycle => level as usize % N,
-        _ => widest(from),
-    };
-    assert!(axis < N && from.len() == to.len(), "once, so that the loops need not ask");
-    let (plane, below) = select(from, to, middle, axis, keys);
-    // Of the records on the plane the first go to the left, as many as there is room for.
-    let mut on_plane = middle - below;
-    let mut cut = 0;
-    while on_plane > 0 {
-        on_plane -= usize::from(from[cut].bits[axis] == plane);
-        cut += 1;
-    }
-    let (mut left, mut right) = (0, middle);
-    let (first, rest) = from.split_at(cut);
-    for record in first {
-        let is_left = record.bits[axis] <= plane;
-        to[select_unpredictable(is_left, left, right)] = *record;
-        left += usize::from(is_left);
-        right += usize::from(!is_left);
-    }
-    for record in rest {
-        let is_left = record.bits[axis] < plane;
-        to[select_unpredictable(is_left, left, right)] = *record;
-        left += usize::from(is_left);
-        right += usize::from(!is_left);
-    }
-    PointNode { plane: from_ordered(plane), axis: axis as u32 }
+    /// How the axis is chosen, and nodes above.
+    axis: (Axes, u32),
 }
 
-/// The axis along which records reach farthest, as the reference computes it.
+/// Where children go. Those of the left child begin at place 0.
+struct Rooms {
+    /// Where those of the right child begin.
+    right: usize,
+    /// Up to where may be overwritten while there is more to come for the left and for the right child.
+    ends: [usize; 2],
+}
+
+/// Moves points to the children.
+///
+/// # Safety
+/// The processor must have the set. `from` must have the node's places, a multiple of sixteen, and `to` those that `rooms` says, and elsewhere.
 #[cfg_attr(not(unoptimised), inline(always))]
-fn widest<const N: usize>(records: &[Record<N>]) -> usize {
-    let (mut lower, mut upper) = ([u32::MAX; N], [0; N]);
-    for record in records {
-        for axis in 0..N {
-            lower[axis] = lower[axis].min(record.bits[axis]);
-            upper[axis] = upper[axis].max(record.bits[axis]);
+unsafe fn divide<S: Simd, const N: usize>(
+    node: &Node,
+    from: &Pointers,
+    to: &Pointers,
+    rooms: &Rooms,
+) -> PointNode {
+    // SAFETY: the caller's contract.
+    unsafe {
+        let axis = match node.axis {
+            (Axes::Cycle, level) => level as usize % N,
+            _ => widest::<S, N>(from, node.points),
+        };
+        let column = from[axis].cast::<f32>().cast_const();
+        let (plane, below) = select::<S>(column, node.places, node.middle, to[0].cast());
+        // Of the points on the plane the first go to the left, as many as there is room for.
+        let mut on_plane = (node.middle - below) as u32;
+        let at = S::splat(plane);
+        let (mut left, mut right, mut place) = (0, rooms.right, 0);
+        while place < node.places {
+            let numbers = S::load(column.add(place));
+            let not_less = S::bits(S::le(at, numbers));
+            let mut lefts = !not_less & ((1 << S::N) - 1);
+            if on_plane > 0 {
+                let mut equal = not_less & S::bits(S::le(numbers, at));
+                while equal.count_ones() > on_plane {
+                    equal ^= 1 << equal.ilog2();
+                }
+                on_plane -= equal.count_ones();
+                lefts |= equal;
+            }
+            let source = from_place::<N>(from, place);
+            if left + S::N <= rooms.ends[0] && right + S::N <= rooms.ends[1] {
+                S::split(lefts, &source[..=N], to, left, right);
+            } else {
+                split_exactly(S::N, lefts, &source[..=N], to, left, right);
+            }
+            let count = lefts.count_ones() as usize;
+            left += count;
+            right += S::N - count;
+            place += S::N;
         }
+        PointNode { plane, axis: axis as u32 }
     }
+}
+
+/// The axis along which points reach farthest, as the reference computes it.
+///
+/// # Safety
+/// The processor must have the set, and columns so many points.
+#[cfg_attr(not(unoptimised), inline(always))]
+unsafe fn widest<S: Simd, const N: usize>(columns: &Pointers, points: usize) -> usize {
     let (mut best, mut most) = (0, -1.0);
     for axis in 0..N {
-        let extent = snap(from_ordered(upper[axis]) - from_ordered(lower[axis]));
-        if extent > most {
-            (best, most) = (axis, extent);
+        // SAFETY: the caller's contract; columns have whole vectors.
+        unsafe {
+            let [lower, upper] = ends::<S>(columns[axis].cast(), points);
+            let extent = snap(upper - lower);
+            if extent > most {
+                (best, most) = (axis, extent);
+            }
         }
     }
     best
 }
 
-/// The coordinate that has the given rank, and how many are below it. May write to `spare`.
+/// The least and the greatest of the first numbers of a column.
+///
+/// # Safety
+/// The processor must have the set, and the column whole vectors.
 #[cfg_attr(not(unoptimised), inline(always))]
-fn select<const N: usize>(
-    records: &[Record<N>],
-    spare: &mut [Record<N>],
-    rank: usize,
-    axis: usize,
-    keys: &mut Keys,
-) -> (u32, usize) {
-    let count = records.len();
-    assert!(axis < N && spare.len() == count, "once, so that the loops need not ask");
-    if count < FEW {
-        for (key, record) in keys.iter_mut().zip(records) {
-            *key = record.bits[axis];
+pub(super) unsafe fn ends<S: Simd>(column: *const f32, count: usize) -> [f32; 2] {
+    // SAFETY: the caller's contract.
+    unsafe {
+        let first = S::splat(*column);
+        let (mut lower, mut upper, mut place) = (first, first, 0);
+        while place + S::N <= count {
+            let numbers = S::load(column.add(place));
+            lower = S::min(numbers, lower);
+            upper = S::max(numbers, upper);
+            place += S::N;
         }
-        return select_key(&mut keys[..count], rank);
-    }
-    // The rank is expected at this place of the sample's order, and seldom more than two and a half deviations away.
-    let (size, reach) = sample_of(count);
-    for (key, place) in keys.iter_mut().zip(sampled(count).take(size)) {
-        *key = records[place].bits[axis];
-    }
-    let sample = &mut keys[..size];
-    // In 64 bits, since 32 are too few for the product where there are millions.
-    let at = (rank as u64 * size as u64 / count as u64) as usize;
-    let upper =
-        if at + reach < size { *sample.select_nth_unstable(at + reach).1 } else { u32::MAX };
-    let lower = if at >= reach { *sample.select_nth_unstable(at - reach).1 } else { 0 };
-    let (mut below, mut within) = (0, 0);
-    for record in records {
-        let key = record.bits[axis];
-        spare[within] = *record;
-        below += usize::from(key < lower);
-        within += usize::from(key.wrapping_sub(lower) <= upper - lower);
-    }
-    if (below..below + within).contains(&rank) {
-        let rank = rank - below;
-        if within <= ROOM {
-            for (key, record) in keys.iter_mut().zip(&spare[..within]) {
-                *key = record.bits[axis];
-            }
-            let (plane, less) = select_key(&mut keys[..within], rank);
-            return (plane, below + less);
+        if place < count {
+            let there = S::mask((1 << (count - place)) - 1);
+            let numbers = S::select(there, S::load(column.add(place)), first);
+            lower = S::min(numbers, lower);
+            upper = S::max(numbers, upper);
         }
-        let (plane, less) = select_record(&mut spare[..within], rank, axis);
-        return (plane, below + less);
+        [S::lowest(lower), S::highest(upper)]
     }
-    spare.copy_from_slice(records);
-    select_record(spare, rank, axis)
-}
-
-/// Numbers in a sample of so many records, and how far from its place in the sample's order a rank is looked for: two and a half
-/// deviations, each half the root of the size.
-#[cfg_attr(not(unoptimised), inline(always))]
-fn sample_of(count: usize) -> (usize, usize) {
-    let digits = count.ilog2() * 2 / 3;
-    (ROOM.min(1 << digits), (5 << (digits / 2)) / 4)
-}
-
-/// Places that are sampled: neither in order nor at equal steps, since points often are (a linear congruential sequence).
-#[cfg_attr(not(unoptimised), inline(always))]
-fn sampled(count: usize) -> impl Iterator<Item = usize> {
-    let mut state = count as u32;
-    core::iter::repeat_with(move || {
-        state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-        ((u64::from(state) * count as u64) >> 32) as usize
-    })
-}
-
-/// The number of a rank, and how many are below it.
-fn select_key(keys: &mut [u32], rank: usize) -> (u32, usize) {
-    let (first, &mut key, _) = keys.select_nth_unstable(rank);
-    (key, first.iter().filter(|&&other| other < key).count())
-}
-
-/// The same of records' coordinates.
-#[inline(never)]
-fn select_record<const N: usize>(
-    records: &mut [Record<N>],
-    rank: usize,
-    axis: usize,
-) -> (u32, usize) {
-    let (first, found, _) = records.select_nth_unstable_by_key(rank, |record| record.bits[axis]);
-    let key = found.bits[axis];
-    (key, first.iter().filter(|other| other.bits[axis] < key).count())
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use splitplane_core::points::tree::Axes;
+
     use crate::points::CpuPointTree;
+    use crate::simd::InstructionSet;
     use splitplane_core::points::build::{PointOptions, build};
 
     /// Numbers below one, the next of a sequence.
@@ -285,7 +320,8 @@ mod tests {
         (*state >> 8) as f32 / 16_777_216.0
     }
 
-    /// Clouds with nodes that are divided by samples, by whole brackets of records, and where all or half of a bracket is on the plane.
+    /// Clouds with nodes that are divided by samples, large and small, and where all or half of a node's points are on the plane; with and without
+    /// places of no point.
     #[test]
     fn trees_are_the_references() {
         let count = 20_011;
@@ -305,52 +341,13 @@ mod tests {
         ];
         for (name, points) in &clouds {
             for axes in [Axes::Widest, Axes::Cycle] {
-                for count in [count, 513, 8192, 16_385] {
+                for count in [count, 257, 513, 4096, 16_385] {
                     let options = PointOptions { axes, ..PointOptions::default() };
-                    let tree = CpuPointTree::build(&points[..count], &options).unwrap();
                     let expected = build(&points[..count], &options).unwrap();
-                    assert!(*tree.tree() == expected, "{name} {axes:?} {count}");
-                }
-            }
-        }
-    }
-
-    /// The sample's order says nothing about the rest, so the bracket is in the wrong place: all are selected from.
-    #[test]
-    fn a_sample_may_mislead() {
-        let mut keys = Box::new(NO_KEYS);
-        for count in [600, 3000, 20_000] {
-            let record = |i| Record { bits: [7 + i % 10], point: i };
-            let mut records: Vec<Record<1>> = (0..count as u32).map(record).collect();
-            for place in sampled(count).take(sample_of(count).0) {
-                records[place].bits = [place as u32 % 5];
-            }
-            let mut sorted: Vec<u32> = records.iter().map(|record| record.bits[0]).collect();
-            sorted.sort_unstable();
-            let rank = count / 2;
-            let below = sorted.partition_point(|&key| key < sorted[rank]);
-            let found = select(&records, &mut records.clone(), rank, 0, &mut keys);
-            assert_eq!(found, (sorted[rank], below));
-            assert!(found.0 >= 7, "the sample has no such number");
-        }
-    }
-
-    /// Every rank of lists with few and with many equal numbers, in each of the ways.
-    #[test]
-    fn ranks_are_those_of_sorted_numbers() {
-        let mut keys = Box::new(NO_KEYS);
-        let mut state = 3;
-        for count in [17usize, 32, 33, 64, 65, 511, 512, 700, 5000] {
-            for places in [1.0, 3.0, 50.0, 1e6] {
-                let record = |i| Record { bits: [(places * next(&mut state)) as u32], point: i };
-                let records: Vec<Record<1>> = (0..count as u32).map(record).collect();
-                let mut sorted: Vec<u32> = records.iter().map(|record| record.bits[0]).collect();
-                sorted.sort_unstable();
-                for rank in (0..count).step_by(1 + count / 16).chain([count - 1]) {
-                    let mut spare = records.clone();
-                    let found = select(&records, &mut spare, rank, 0, &mut keys);
-                    let below = sorted.partition_point(|&key| key < sorted[rank]);
-                    assert_eq!(found, (sorted[rank], below), "{count} {places} {rank}");
+                    for set in InstructionSet::available() {
+                        let tree = CpuPointTree::build_on(&points[..count], &options, set).unwrap();
+                        assert!(*tree.tree() == expected, "{name} {axes:?} {count} {set:?}");
+                    }
                 }
             }
         }

@@ -1,10 +1,14 @@
 //! Point trees on CPU cores: built in parallel, searched by vectors.
 
+mod columns;
 mod divide;
+mod few;
+mod gather;
 mod layout;
 mod lists;
 pub(crate) mod order;
 mod search;
+mod select;
 mod tree;
 
 pub use lists::KeptBytes;

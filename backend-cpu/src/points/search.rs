@@ -1,7 +1,9 @@
-//! A search: sixteen boxes or points at a time, the nearest box first.
+//! Searches: sixteen boxes or points at a time, the nearest box first.
 //!
 //! Distances and bounds are those of [`splitplane_core::points::distance`], operation by operation; so each search gives the
 //! reference's points, bit for bit.
+//!
+//! Several searches go down to their first blocks side by side: each step of one waits for the step before, and none for another search.
 
 use splitplane_core::points::distance::{distance_of, key};
 
@@ -16,6 +18,29 @@ pub(super) trait Visitor {
     fn stop(&self) -> u64;
     /// A key below [`Visitor::stop`].
     fn visit(&mut self, key: u64);
+
+    /// Looks at the points of these lanes, of which none is farther than [`Visitor::stop`] said before.
+    ///
+    /// # Safety
+    /// The processor must have the set, and there must be a distance and an index for each bit.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn visit_lanes<S: Simd>(
+        &mut self,
+        distances: *const f32,
+        points: *const u32,
+        near: u32,
+    ) {
+        let mut near = near;
+        while near != 0 {
+            let lane = near.trailing_zeros() as usize;
+            near &= near - 1;
+            // SAFETY: the caller's contract.
+            let key = unsafe { key(*distances.add(lane), *points.add(lane)) };
+            if key < self.stop() {
+                self.visit(key);
+            }
+        }
+    }
 }
 
 /// A wide node whose children are being followed.
@@ -34,9 +59,16 @@ pub(super) type Frames = [Frame; LEVELS];
 pub(super) const NO_FRAMES: Frames =
     [Frame { squared: Line([0.0; WIDTH]), left: 0, node: 0 }; LEVELS];
 
+/// What is searched: the layout of a tree, and the indices of its points.
+#[derive(Clone, Copy)]
+pub(super) struct Searched<'a, const N: usize> {
+    pub layout: &'a PointLayout<N>,
+    pub indices: &'a [u32],
+}
+
 /// Shows points to a visitor until none is left that may be of interest.
 pub(super) struct Search<'a, const N: usize, V> {
-    pub layout: &'a PointLayout<N>,
+    pub searched: Searched<'a, N>,
     /// In the tree's unit.
     pub query: [f32; N],
     pub visitor: &'a mut V,
@@ -48,29 +80,97 @@ impl<const N: usize, V: Visitor> Compiled for Search<'_, N, V> {
 
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) {
+        let Search { searched, query, visitor, frames } = self;
+        let levels = searched.layout.levels.len();
+        if levels == 0 || visitor.stop() == 0 {
+            return;
+        }
+        let top = levels - 1;
         // SAFETY: the caller's contract.
-        unsafe { search::<S, N, V>(self.layout, &self.query, self.visitor, self.frames) }
+        unsafe {
+            let next = enter::<S, N, V>(searched.layout, &query, visitor, top, 0, &mut frames[top]);
+            go_on::<S, N, V>(searched, &query, visitor, frames, top, next);
+        }
     }
 }
 
+/// Searches side by side.
+pub(super) const GROUP: usize = 8;
+
+/// As many searches as there are queries, visitors and frames, at most [`GROUP`].
+pub(super) struct GroupSearch<'a, const N: usize, V> {
+    pub searched: Searched<'a, N>,
+    /// In the tree's unit.
+    pub queries: &'a [[f32; N]],
+    pub visitors: &'a mut [V],
+    pub frames: &'a mut [Frames; GROUP],
+}
+
+impl<const N: usize, V: Visitor> Compiled for GroupSearch<'_, N, V> {
+    type Output = ();
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn run<S: Simd>(self) {
+        let GroupSearch { searched, queries, visitors, frames } = self;
+        let levels = searched.layout.levels.len();
+        if levels == 0 {
+            return;
+        }
+        // Where each is: its level, and the child there that comes next.
+        let mut places = [(levels, Some(0)); GROUP];
+        for level in (0..levels).rev() {
+            let all = queries.iter().zip(visitors.iter()).zip(frames.iter_mut()).zip(&mut places);
+            for (((query, visitor), frames), place) in all {
+                let (above, Some(lane)) = *place else { continue };
+                if above == levels && visitor.stop() == 0 {
+                    *place = (levels, None);
+                    continue;
+                }
+                let node = if above == levels { 0 } else { frames[above].node * WIDTH + lane };
+                let frame = &mut frames[level];
+                // SAFETY: the caller's contract.
+                let next = unsafe {
+                    enter::<S, N, V>(searched.layout, query, visitor, level, node, frame)
+                };
+                *place = (level, next);
+            }
+        }
+        let all = queries.iter().zip(visitors.iter_mut()).zip(frames.iter_mut()).zip(&mut places);
+        for (((query, visitor), frames), place) in all {
+            if let (0, Some(lane)) = *place {
+                let block = frames[0].node * WIDTH + lane;
+                // SAFETY: the caller's contract.
+                unsafe {
+                    visit::<S, N, V>(searched, query, visitor, block);
+                    let stop = distance_of(visitor.stop());
+                    *place = (0, nearest_left::<S>(&mut frames[0], stop));
+                }
+            }
+        }
+        let all = queries.iter().zip(visitors).zip(frames).zip(places);
+        for (((query, visitor), frames), (level, next)) in all {
+            if level < levels {
+                // SAFETY: the caller's contract.
+                unsafe { go_on::<S, N, V>(searched, query, visitor, frames, level, next) };
+            }
+        }
+    }
+}
+
+/// Searches from a child of a level on, if one is next there.
+///
 /// # Safety
 /// The processor must have the set.
 #[cfg_attr(not(unoptimised), inline(always))]
-pub(super) unsafe fn search<S: Simd, const N: usize, V: Visitor>(
-    layout: &PointLayout<N>,
+unsafe fn go_on<S: Simd, const N: usize, V: Visitor>(
+    searched: Searched<'_, N>,
     query: &[f32; N],
     visitor: &mut V,
     frames: &mut Frames,
+    mut level: usize,
+    mut next: Option<usize>,
 ) {
-    let levels = layout.levels.as_slice();
-    if levels.is_empty() || visitor.stop() == 0 {
-        return;
-    }
-    let top = levels.len() - 1;
-    let mut level = top;
-    // SAFETY: the caller's contract.
-    let mut next =
-        unsafe { enter::<S, N, V>(layout, query, visitor, level, 0, &mut frames[level]) };
+    let top = searched.layout.levels.len() - 1;
     loop {
         let Some(lane) = next else {
             if level == top {
@@ -86,9 +186,10 @@ pub(super) unsafe fn search<S: Simd, const N: usize, V: Visitor>(
         next = unsafe {
             if level > 0 {
                 level -= 1;
-                enter::<S, N, V>(layout, query, visitor, level, child, &mut frames[level])
+                let frame = &mut frames[level];
+                enter::<S, N, V>(searched.layout, query, visitor, level, child, frame)
             } else {
-                visit::<S, N, V>(layout, query, visitor, child);
+                visit::<S, N, V>(searched, query, visitor, child);
                 nearest_left::<S>(&mut frames[level], distance_of(visitor.stop()))
             }
         };
@@ -106,31 +207,35 @@ unsafe fn nearest_left<S: Simd>(frame: &mut Frame, stop: f32) -> Option<usize> {
     }
     // SAFETY: the caller's contract; a line has sixteen numbers.
     unsafe {
-        let mut lane = 0;
         if S::N == WIDTH {
             let squared = S::load(frame.squared.0.as_ptr());
             frame.left &= S::bits(S::le(squared, S::splat(stop)));
             if frame.left == 0 {
                 return None;
             }
-            lane = least_of::<S>(frame.left, squared);
-        } else {
-            let (mut left, mut best) = (frame.left, f32::INFINITY);
-            let mut found = false;
-            while left != 0 {
-                let here = left.trailing_zeros() as usize;
-                left &= left - 1;
-                let squared = frame.squared.0[here];
-                if squared > stop {
-                    frame.left &= !(1 << here);
-                } else if squared < best || !found {
-                    (lane, best, found) = (here, squared, true);
-                }
-            }
-            if !found {
-                return None;
-            }
+            let lane = least_of::<S>(frame.left, squared);
+            frame.left &= !(1 << lane);
+            return Some(lane);
         }
+        let nothing = S::splat(f32::INFINITY);
+        let (mut least, mut near) = (nothing, 0);
+        for first in (0..WIDTH).step_by(S::N) {
+            let squared = S::load(frame.squared.0.as_ptr().add(first));
+            let here = S::and(S::mask(frame.left >> first), S::le(squared, S::splat(stop)));
+            near |= S::bits(here) << first;
+            least = S::min(least, S::select(here, squared, nothing));
+        }
+        frame.left = near;
+        if near == 0 {
+            return None;
+        }
+        let (at, mut nearest) = (S::splat(S::lowest(least)), 0);
+        for first in (0..WIDTH).step_by(S::N) {
+            let squared = S::load(frame.squared.0.as_ptr().add(first));
+            nearest |= S::bits(S::le(squared, at)) << first;
+        }
+        // None of those that are left is less.
+        let lane = (nearest & near).trailing_zeros() as usize;
         frame.left &= !(1 << lane);
         Some(lane)
     }
@@ -162,7 +267,7 @@ unsafe fn enter<S: Simd, const N: usize, V: Visitor>(
     frame: &mut Frame,
 ) -> Option<usize> {
     let children = match level {
-        0 => layout.coordinates.len(),
+        0 => layout.blocks,
         _ => layout.levels[level - 1].len(),
     };
     let there = (children - node * WIDTH).min(WIDTH);
@@ -208,41 +313,38 @@ unsafe fn enter<S: Simd, const N: usize, V: Visitor>(
 /// The processor must have the set.
 #[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn visit<S: Simd, const N: usize, V: Visitor>(
-    layout: &PointLayout<N>,
+    searched: Searched<'_, N>,
     query: &[f32; N],
     visitor: &mut V,
     block: usize,
 ) {
-    let (coordinates, indices) = (&layout.coordinates[block], &layout.indices[block]);
-    let there = 0xffff >> (WIDTH - (layout.points - block * WIDTH).min(WIDTH));
+    let Searched { layout, indices } = searched;
+    let indices = &indices[block * WIDTH..];
+    let there = 0xffff >> (WIDTH - indices.len().min(WIDTH));
     let mut row = Line([0.0; WIDTH]);
     for first in (0..WIDTH).step_by(S::N) {
-        // SAFETY: the caller's contract; a line has sixteen numbers, and a vector no more.
-        let mut near = unsafe {
+        // SAFETY: the caller's contract; a line has sixteen numbers, and a vector no more. Bits are of lanes with an index.
+        unsafe {
             let mut sum = S::splat(0.0);
             for axis in 0..N {
-                let p = S::load(coordinates[axis].0.as_ptr().add(first));
+                let line = &layout.lines[axis * layout.blocks + block];
+                let p = S::load(line.0.as_ptr().add(first));
                 let part = part::<S>(S::sub(S::splat(query[axis]), p));
                 sum = if axis == 0 { part } else { S::add(sum, part) };
             }
             S::store(row.0.as_mut_ptr().add(first), sum);
             // A place without a point has no distance that means anything.
             let near = S::bits(S::le(sum, S::splat(distance_of(visitor.stop())))) & there >> first;
-            if V::ONE && near & near.wrapping_sub(1) != 0 {
+            let near = if V::ONE && near & near.wrapping_sub(1) != 0 {
                 // Where all are at infinity none is the least.
                 let least = S::least(near, sum) & near;
                 if least == 0 { near } else { least }
             } else {
                 near
-            }
-        };
-        while near != 0 {
-            let place = first + near.trailing_zeros() as usize;
-            near &= near - 1;
-            let key = key(row.0[place], indices[place]);
-            if key < visitor.stop() {
-                visitor.visit(key);
-            }
+            };
+            // Beyond the last index nothing is read.
+            let points = indices.as_ptr().wrapping_add(first);
+            visitor.visit_lanes::<S>(row.0.as_ptr().add(first), points, near);
         }
     }
 }

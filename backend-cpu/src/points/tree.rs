@@ -3,19 +3,23 @@
 use rayon::prelude::*;
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::error::{QueryError, check_bytes, refused};
-use splitplane_core::points::build::{PointBuild, PointBuildError, PointOptions};
+use splitplane_core::points::build::{PointBuildError, PointOptions, Survey};
 use splitplane_core::points::collect::Collector;
 use splitplane_core::points::distance::{NOTHING, distance_of, distance_squared, key};
 use splitplane_core::points::nearest::{NearestOptions, Neighbour, first_stop};
-use splitplane_core::points::tree::{PointTree, Record, height};
+use splitplane_core::points::tree::{BLOCK, PointNode, PointTree, height};
 use splitplane_core::query::closest_point::check_lengths;
 use splitplane_core::watch::{Progress, Stage};
 
-use super::divide::{Divide, Finish, Keys, NO_KEYS, Work};
-use super::layout::{LEVELS, PointLayout, WIDTH};
+use super::columns::Columns;
+use super::divide::{Divide, Finish, Work};
+use super::few::{FEW, Few};
+use super::gather::{Gather, Spread};
+use super::layout::{LEVELS, Line, PointLayout, WIDTH, numbers};
 use super::order::along_curve;
-use super::search::{Frames, NO_FRAMES, Search, Visitor};
+use super::search::{Frames, GROUP, GroupSearch, NO_FRAMES, Search, Searched, Visitor};
 use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
+use crate::memory::lengthen;
 use crate::simd::InstructionSet;
 
 /// Subtrees of fewer points are one task.
@@ -25,7 +29,7 @@ const CHUNK: usize = 1 << 16;
 /// From so many neighbours on the query before pays for a first bound.
 const MANY: usize = 20;
 /// Queries between two checks of the watch.
-const FEW: usize = 64;
+const BETWEEN_CHECKS: usize = 64;
 
 /// A point tree and what this backend searches it by. Bytes and answers are the reference's
 /// ([`splitplane_core::points`]), on any number of threads and any instruction set.
@@ -58,26 +62,51 @@ impl<const N: usize> CpuPointTree<N> {
         points: &[[f32; N]],
         options: &PointOptions<'_>,
     ) -> Result<CpuPointTree<N>, PointBuildError> {
+        CpuPointTree::build_on(points, options, InstructionSet::detect())
+    }
+
+    /// [`CpuPointTree::build`], on a set that the processor has.
+    pub(super) fn build_on(
+        points: &[[f32; N]],
+        options: &PointOptions<'_>,
+        set: InstructionSet,
+    ) -> Result<CpuPointTree<N>, PointBuildError> {
         let meter = &ProgressMeter::of(options.watch);
-        let mut build = PointBuild::new(points, options)?;
-        let total = build.records.len();
+        let survey = Survey::of(points)?;
+        let total = survey.kept();
+        let needed = build_bytes::<N>(total);
+        if let Some(limit) = options.max_memory.filter(|&limit| needed > limit) {
+            return Err(PointBuildError::OutOfMemory { needed, limit });
+        }
         meter.begin_stage(Stage::Points, total as u64);
-        // As many bytes as the tree's points and indices take, which are not there yet.
-        let bytes = (total * size_of::<Record<N>>()) as u64;
-        let refused = |_| PointBuildError::OutOfMemory { needed: bytes, limit: bytes };
-        let mut spare = Vec::new();
-        spare.try_reserve_exact(total).map_err(refused)?;
-        spare.resize(total, Record { bits: [0; N], point: 0 });
-        let work = Work {
-            axes: options.axes,
-            height: height(total),
-            level: 0,
-            records: &mut build.records,
-            spare: &mut spare,
-            moved: false,
-            nodes: &mut build.nodes,
-        };
-        grow(work, InstructionSet::detect(), &mut { NO_KEYS }, meter);
+        let blocks = total.div_ceil(BLOCK);
+        let refused = |_| PointBuildError::OutOfMemory { needed, limit: needed };
+        let (mut lines, mut ordered, mut nodes) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut indices, mut spare) = (Vec::new(), Vec::new());
+        lengthen(&mut lines, N * blocks, Line::NOWHERE).map_err(refused)?;
+        lengthen(&mut indices, blocks * BLOCK, 0).map_err(refused)?;
+        lengthen(&mut spare, blocks * BLOCK, 0).map_err(refused)?;
+        lengthen(&mut ordered, blocks * BLOCK, [0.0; N]).map_err(refused)?;
+        let none = PointNode { plane: 0.0, axis: 0 };
+        lengthen(&mut nodes, blocks.saturating_sub(1), none).map_err(refused)?;
+        let mut columns = Columns::new(numbers(&mut lines), &mut indices);
+        let (all, unit) = (total == points.len(), survey.unit);
+        // SAFETY: the processor has the set.
+        unsafe { set.run(Gather { points, all, unit, columns: &mut columns }) };
+        if blocks > 0 {
+            let work = Work {
+                axes: options.axes,
+                height: height(total),
+                level: 0,
+                points: total,
+                columns,
+                // Where the points will stand in the order of the tree.
+                spare: Columns::new(ordered.as_flattened_mut(), &mut spare),
+                moved: false,
+                nodes: &mut nodes,
+            };
+            grow(work, set, meter);
+        }
         drop(spare);
         meter.finish_stage();
         if let Err(splitplane_core::error::BuildError::Cancelled {
@@ -86,7 +115,13 @@ impl<const N: usize> CpuPointTree<N> {
         {
             return Err(PointBuildError::Cancelled { done, total });
         }
-        CpuPointTree::of(build.finish()?, options.max_memory)
+        indices.truncate(total);
+        ordered.truncate(total);
+        // SAFETY: the processor has the set.
+        unsafe { set.run(Spread { columns: &lines, points: &mut ordered }) };
+        let layout = PointLayout::of_columns(total, lines, set).map_err(refused)?;
+        let tree = survey.finish(options.axes, nodes, ordered, indices);
+        Ok(CpuPointTree { tree, layout, set })
     }
 
     /// What searches a tree that is there. `max_memory` limits the bytes of both.
@@ -97,13 +132,14 @@ impl<const N: usize> CpuPointTree<N> {
         tree: PointTree<N>,
         max_memory: Option<u64>,
     ) -> Result<CpuPointTree<N>, PointBuildError> {
-        let needed = bytes(&tree);
+        let needed = bytes::<N>(tree.len());
         if let Some(limit) = max_memory.filter(|&limit| needed > limit) {
             return Err(PointBuildError::OutOfMemory { needed, limit });
         }
-        let layout = PointLayout::new(&tree);
+        let set = InstructionSet::detect();
+        let layout = PointLayout::new(&tree, set);
         let layout = layout.map_err(|_| PointBuildError::OutOfMemory { needed, limit: needed })?;
-        Ok(CpuPointTree { tree, layout, set: InstructionSet::detect() })
+        Ok(CpuPointTree { tree, layout, set })
     }
 
     /// The tree itself.
@@ -113,7 +149,7 @@ impl<const N: usize> CpuPointTree<N> {
 
     /// Bytes of the tree and of what searches it.
     pub fn bytes(&self) -> u64 {
-        bytes(&self.tree)
+        bytes::<N>(self.tree.len())
     }
 
     /// Searches with an instruction set that is not the best one; nothing changes where the processor does not have it.
@@ -174,31 +210,32 @@ impl<const N: usize> CpuPointTree<N> {
         let (lower, upper) = self.bounds();
         along_curve(queries, lower, upper, &mut keys, &mut spare);
         let unit = self.tree.unit();
-        let mut frames = NO_FRAMES;
+        let mut frames = [NO_FRAMES; GROUP];
         let mut before = None;
-        for few in keys.chunks(FEW) {
+        for few in keys.chunks(BETWEEN_CHECKS) {
             if meter.is_cancelled() {
                 break;
+            }
+            if k <= FEW && options.filter.is_none() {
+                for some in few.chunks(GROUP) {
+                    self.group(queries, some, found, options, &mut frames);
+                }
+                meter.advance(few.len() as u64);
+                meter.record_work(WORK_BETWEEN_CHECKS);
+                continue;
             }
             for &key in few {
                 let place = key as u32 as usize;
                 let query = queries[place];
                 let records = &mut found[place * k..][..k];
                 let stop = first_stop(unit, query, options.max_distance);
-                if k == 1 && options.filter.is_none() {
-                    let mut nearest = Nearest(stop.min(NOTHING));
-                    self.search(query, &mut nearest, &mut frames);
-                    let is_found = nearest.0 < stop.min(NOTHING);
-                    records[0] =
-                        if is_found { Neighbour::of(unit, nearest.0) } else { Neighbour::NONE };
-                    continue;
-                }
                 let at = self.tree.in_units(query);
                 collector.begin(if k < MANY { stop } else { stop.min(reach(before, &at)) });
                 match options.filter {
-                    None => self.search(query, &mut Plain(&mut collector), &mut frames),
+                    None => self.search(query, &mut Plain(&mut collector), &mut frames[0]),
                     Some(filter) => {
-                        self.search(query, &mut Filtered(&mut collector, filter), &mut frames);
+                        let mut filtered = Filtered(&mut collector, filter);
+                        self.search(query, &mut filtered, &mut frames[0]);
                     }
                 }
                 let keys = collector.finish();
@@ -212,6 +249,60 @@ impl<const N: usize> CpuPointTree<N> {
             meter.record_work(WORK_BETWEEN_CHECKS);
         }
         Ok(())
+    }
+
+    /// Answers a few queries side by side, whose places the lower halves of `keys` are.
+    fn group(
+        &self,
+        queries: &[[f32; N]],
+        keys: &[u64],
+        found: &mut [Neighbour],
+        options: &NearestOptions<'_>,
+        frames: &mut [Frames; GROUP],
+    ) {
+        let (k, unit) = (options.k, self.tree.unit());
+        let (mut at, mut stops) = ([[0.0; N]; GROUP], [0; GROUP]);
+        for (number, &key) in keys.iter().enumerate() {
+            let query = queries[key as u32 as usize];
+            at[number] = self.tree.in_units(query);
+            stops[number] = first_stop(unit, query, options.max_distance).min(NOTHING);
+        }
+        let at = &at[..keys.len()];
+        let mut write = |number: usize, keys_found: &[u64]| {
+            let place = keys[number] as u32 as usize;
+            for (record, &key) in found[place * k..][..k].iter_mut().zip(keys_found) {
+                let is_found = key < stops[number];
+                *record = if is_found { Neighbour::of(unit, key) } else { Neighbour::NONE };
+            }
+        };
+        if k == 1 {
+            let mut nearest = stops.map(Nearest);
+            self.search_group(at, &mut nearest[..at.len()], frames);
+            for (number, nearest) in nearest[..at.len()].iter().enumerate() {
+                write(number, &[nearest.0]);
+            }
+        } else {
+            let mut few = stops.map(|stop| Few::new(k, stop));
+            self.search_group(at, &mut few[..at.len()], frames);
+            for (number, few) in few[..at.len()].iter().enumerate() {
+                write(number, few.keys());
+            }
+        }
+    }
+
+    fn search_group<V: Visitor>(
+        &self,
+        queries: &[[f32; N]],
+        visitors: &mut [V],
+        frames: &mut [Frames; GROUP],
+    ) {
+        let searched = self.searched();
+        // SAFETY: `set` was detected on this processor.
+        unsafe { self.set.run(GroupSearch { searched, queries, visitors, frames }) }
+    }
+
+    fn searched(&self) -> Searched<'_, N> {
+        Searched { layout: &self.layout, indices: self.tree.indices() }
     }
 
     /// The box around all points, in the caller's unit, about.
@@ -232,40 +323,41 @@ impl<const N: usize> CpuPointTree<N> {
     pub(super) fn search<V: Visitor>(&self, query: [f32; N], visitor: &mut V, frames: &mut Frames) {
         let query = self.tree.in_units(query);
         // SAFETY: `set` was detected on this processor.
-        unsafe { self.set.run(Search { layout: &self.layout, query, visitor, frames }) }
+        unsafe { self.set.run(Search { searched: self.searched(), query, visitor, frames }) }
     }
 }
 
 const _: () = assert!(WIDTH.pow(LEVELS as u32) >= (1 << 30) / WIDTH);
 
-/// Bytes of a tree and its layout.
-fn bytes<const N: usize>(tree: &PointTree<N>) -> u64 {
-    let arrays = size_of_val(tree.points()) + size_of_val(tree.indices());
-    PointLayout::<N>::bytes(tree.len()) + (arrays + size_of_val(tree.nodes())) as u64
+/// Bytes of a tree of so many points and its layout.
+fn bytes<const N: usize>(points: usize) -> u64 {
+    let nodes = points.div_ceil(BLOCK).saturating_sub(1) * size_of::<PointNode>();
+    let each = size_of::<[f32; N]>() + size_of::<u32>();
+    PointLayout::<N>::bytes(points) + (points * each + nodes) as u64
+}
+
+/// Bytes of a build: besides, a second column of indices, and the rest of the last block.
+fn build_bytes<const N: usize>(points: usize) -> u64 {
+    bytes::<N>(points)
+        + ((points + 2 * BLOCK) * size_of::<u32>() + BLOCK * size_of::<[f32; N]>()) as u64
 }
 
 /// Builds a subtree, the children of large nodes side by side.
-fn grow<const N: usize>(
-    work: Work<'_, N>,
-    set: InstructionSet,
-    keys: &mut Keys,
-    meter: &ProgressMeter<'_>,
-) {
+fn grow<const N: usize>(work: Work<'_, N>, set: InstructionSet, meter: &ProgressMeter<'_>) {
     if meter.is_cancelled() {
         return;
     }
-    let points = work.len();
+    let points = work.points;
     if points <= TASK {
         // SAFETY: `set` was detected on this processor.
-        unsafe { set.run(Finish(work, keys)) };
+        unsafe { set.run(Finish(work)) };
         meter.advance(points as u64);
         meter.record_work(points as u64);
         return;
     }
     // SAFETY: `set` was detected on this processor.
-    let [left, right] = unsafe { set.run(Divide(work, keys)) };
-    let side = |work| grow(work, set, &mut { NO_KEYS }, meter);
-    rayon::join(|| side(left), || side(right));
+    let [left, right] = unsafe { set.run(Divide(work)) };
+    rayon::join(|| grow(left, set, meter), || grow(right, set, meter));
 }
 
 /// See [`reach`]: 2^-60.

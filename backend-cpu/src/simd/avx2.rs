@@ -7,7 +7,7 @@ use core::mem::MaybeUninit;
 
 use super::f32x16::ArrayF32x16;
 use super::references::ReferenceOps;
-use super::{Compiled, Direction, F32x4, Simd};
+use super::{Compiled, Direction, F32x4, LeastKeys, Simd, key_of};
 
 /// [`Simd`] by AVX2.
 #[derive(Clone, Copy)]
@@ -148,6 +148,63 @@ impl Simd for Avx2 {
             let b = _mm256_min_ps(b, _mm256_permute_ps::<0b01_00_11_10>(b));
             let b = _mm256_min_ps(b, _mm256_permute_ps::<0b10_11_00_01>(b));
             _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_EQ_OQ>(a, b)) as u32
+        }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn lowest(of: __m256) -> f32 {
+        unsafe {
+            let a = _mm_min_ps(_mm256_castps256_ps128(of), _mm256_extractf128_ps::<1>(of));
+            let a = _mm_min_ps(a, _mm_movehl_ps(a, a));
+            _mm_cvtss_f32(_mm_min_ss(a, _mm_movehdup_ps(a)))
+        }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn highest(of: __m256) -> f32 {
+        unsafe {
+            let a = _mm_max_ps(_mm256_castps256_ps128(of), _mm256_extractf128_ps::<1>(of));
+            let a = _mm_max_ps(a, _mm_movehl_ps(a, a));
+            _mm_cvtss_f32(_mm_max_ss(a, _mm_movehdup_ps(a)))
+        }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn compress(of: __m256, bits: u32, to: *mut f32) {
+        unsafe { _mm256_storeu_ps(to, _mm256_permutevar8x32_ps(of, lanes_at(bits))) }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn split(bits: u32, from: &[*mut u32], to: &[*mut u32], left: usize, right: usize) {
+        unsafe {
+            let (lefts, rights) = (lanes_at(bits), lanes_at(!bits));
+            for (&from, &to) in from.iter().zip(to) {
+                let all = _mm256_loadu_si256(from.cast());
+                let own = _mm256_permutevar8x32_epi32(all, lefts);
+                _mm256_storeu_si256(to.add(left).cast(), own);
+                let own = _mm256_permutevar8x32_epi32(all, rights);
+                _mm256_storeu_si256(to.add(right).cast(), own);
+            }
+        }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn keep_least(keys: &mut LeastKeys, numbers: *const f32, points: *const u32, near: u32) {
+        unsafe {
+            // Signed comparisons do, since no key has the sign.
+            let all = keys.0.as_mut_ptr().cast::<__m256i>();
+            let (mut low, mut high) = (_mm256_load_si256(all), _mm256_load_si256(all.add(1)));
+            let mut left = near;
+            while left != 0 {
+                let lane = left.trailing_zeros() as usize;
+                left &= left - 1;
+                let key = key_of(*numbers.add(lane), *points.add(lane));
+                let key = _mm256_set1_epi64x(key as i64);
+                // All one place further, after a least one.
+                let turned = _mm256_permute4x64_epi64::<0b10_01_00_11>(low);
+                let above = _mm256_permute4x64_epi64::<0b10_01_00_11>(high);
+                let above = _mm256_blend_epi32::<0b11>(above, turned);
+                let turned = _mm256_blend_epi32::<0b11>(turned, _mm256_setzero_si256());
+                low = lesser(low, greater(turned, key));
+                high = lesser(high, greater(above, key));
+            }
+            _mm256_store_si256(all, low);
+            _mm256_store_si256(all.add(1), high);
         }
     }
     #[cfg_attr(not(unoptimised), inline(always))]
@@ -302,6 +359,36 @@ impl Simd for Avx2 {
     unsafe fn call<T: Compiled>(task: T) -> T::Output {
         unsafe { in_its_own_function(task) }
     }
+}
+
+/// The lanes of a mask, consecutively.
+///
+/// # Safety
+/// The processor must have the set.
+#[cfg_attr(not(unoptimised), inline(always))]
+unsafe fn lanes_at(bits: u32) -> __m256i {
+    unsafe {
+        let lanes = LANES_OF.get_unchecked(bits as usize & 0xff).as_ptr();
+        _mm256_cvtepu8_epi32(_mm_loadl_epi64(lanes.cast()))
+    }
+}
+
+/// The lesser of whole numbers of 64 bits.
+///
+/// # Safety
+/// The processor must have the set.
+#[cfg_attr(not(unoptimised), inline(always))]
+unsafe fn lesser(a: __m256i, b: __m256i) -> __m256i {
+    unsafe { _mm256_blendv_epi8(a, b, _mm256_cmpgt_epi64(a, b)) }
+}
+
+/// The greater ones.
+///
+/// # Safety
+/// The processor must have the set.
+#[cfg_attr(not(unoptimised), inline(always))]
+unsafe fn greater(a: __m256i, b: __m256i) -> __m256i {
+    unsafe { _mm256_blendv_epi8(b, a, _mm256_cmpgt_epi64(a, b)) }
 }
 
 /// A function compiled for the set.

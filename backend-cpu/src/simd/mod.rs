@@ -130,6 +130,59 @@ pub(crate) trait Simd: ReferenceOps + Copy {
     /// The lanes of `of` (none of which is no number) with the least number of theirs, as bits; others may
     /// be among them.
     unsafe fn least(of: u32, a: Self::Floats) -> u32;
+    /// The least of all lanes, none of which is no number.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn lowest(of: Self::Floats) -> f32 {
+        let mut row = [f32::INFINITY; MOST_LANES];
+        // SAFETY: the caller's contract; no set has more lanes.
+        unsafe { Self::store(row.as_mut_ptr(), of) };
+        row.iter().fold(row[0], |least, &x| if x < least { x } else { least })
+    }
+    /// The greatest of all lanes, none of which is no number.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn highest(of: Self::Floats) -> f32 {
+        let mut row = [f32::NEG_INFINITY; MOST_LANES];
+        // SAFETY: the caller's contract; no set has more lanes.
+        unsafe { Self::store(row.as_mut_ptr(), of) };
+        row.iter().fold(row[0], |most, &x| if x > most { x } else { most })
+    }
+    /// Writes the lanes of `bits`, in their order. `N` numbers may be written in all.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn compress(of: Self::Floats, bits: u32, to: *mut f32) {
+        let mut row = [0.0; MOST_LANES];
+        // SAFETY: the caller's contract; no set has more lanes.
+        unsafe {
+            Self::store(row.as_mut_ptr(), of);
+            let mut end = 0;
+            for (lane, &x) in row[..Self::N].iter().enumerate() {
+                *to.add(end) = x;
+                end += (bits >> lane & 1) as usize;
+            }
+        }
+    }
+    /// Divides `N` rows of columns: those of `bits` go to the places from `left` on, in their order, the others to those from `right` on. `N`
+    /// rows may be written from either place. There are no more than five columns, and none that is read is written.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn split(bits: u32, from: &[*mut u32], to: &[*mut u32], left: usize, right: usize) {
+        // SAFETY: the caller's contract.
+        unsafe { split_exactly(Self::N, bits, from, to, left, right) }
+    }
+    /// Adds keys to the eight least ones, which stand in order: those of lanes of `near`, a number in the upper half (none less than 0), the lower half from
+    /// `points`. Keys from the eighth on have no effect.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn keep_least(keys: &mut LeastKeys, numbers: *const f32, points: *const u32, near: u32) {
+        let mut left = near;
+        while left != 0 {
+            let lane = left.trailing_zeros() as usize;
+            left &= left - 1;
+            // SAFETY: the caller's contract.
+            let key = unsafe { key_of(*numbers.add(lane), *points.add(lane)) };
+            for place in (1..8).rev() {
+                keys.0[place] = keys.0[place].min(keys.0[place - 1].max(key));
+            }
+            keys.0[0] = keys.0[0].min(key);
+        }
+    }
     /// Which of `N` numbers in memory are a given one, as bits.
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn equal(from: *const u32, number: u32) -> u32 {
@@ -272,6 +325,45 @@ pub(crate) trait Simd: ReferenceOps + Copy {
 
     /// What rounding took from products: `a * b` without error, less [`Simd::mul`] of them, rounded.
     unsafe fn product_error(a: Self::Floats, b: Self::Floats) -> Self::Floats;
+}
+
+/// Eight keys in order.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct LeastKeys(pub [u64; 8]);
+
+/// A key: see [`Simd::keep_least`].
+#[cfg_attr(not(unoptimised), inline(always))]
+fn key_of(number: f32, point: u32) -> u64 {
+    u64::from(number.to_bits()) << 32 | u64::from(point)
+}
+
+/// [`Simd::split`] of so many rows, by which no more is written than they are.
+///
+/// # Safety
+/// The columns must have the rows and the places.
+#[cfg_attr(not(unoptimised), inline(always))]
+pub(crate) unsafe fn split_exactly(
+    lanes: usize,
+    bits: u32,
+    from: &[*mut u32],
+    to: &[*mut u32],
+    mut left: usize,
+    mut right: usize,
+) {
+    let mut places = [0; MOST_LANES];
+    for (lane, place) in places[..lanes].iter_mut().enumerate() {
+        let is_left = bits >> lane & 1 != 0;
+        *place = core::hint::select_unpredictable(is_left, left, right);
+        left += usize::from(is_left);
+        right += usize::from(!is_left);
+    }
+    for (&from, &to) in from.iter().zip(to) {
+        for (lane, &place) in places[..lanes].iter().enumerate() {
+            // SAFETY: the caller's contract.
+            unsafe { *to.add(place) = *from.add(lane) };
+        }
+    }
 }
 
 /// What is compiled once for each instruction set.

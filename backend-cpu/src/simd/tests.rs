@@ -80,6 +80,17 @@ unsafe fn check<S: Simd>() {
             let expected = (0..S::N).fold(0, |bits, i| bits | u32::from(x[i] == least) << i);
             assert_eq!(S::least(of, a) & of, expected & of);
 
+            let real = x.map(|x| if x.is_nan() { 0.0 } else { x });
+            let lowest = real[..S::N].iter().copied().fold(f32::INFINITY, f32::min);
+            let highest = real[..S::N].iter().copied().fold(f32::NEG_INFINITY, f32::max);
+            assert_eq!(S::lowest(S::load(real.as_ptr())), lowest);
+            assert_eq!(S::highest(S::load(real.as_ptr())), highest);
+            let mut to = [7.0; 2 * MOST_LANES];
+            S::compress(a, some, to.as_mut_ptr().add(1));
+            let chosen = (0..S::N).filter(|i| some >> i & 1 != 0).map(|i| x[i]).collect::<Vec<_>>();
+            assert_eq!(bits(&to[1..][..chosen.len()]), bits(&chosen));
+            assert_eq!((to[0], to[1 + S::N]), (7.0, 7.0));
+
             let lane = random.below(S::N);
             assert_eq!(bits(&[S::lane(a, lane)]), bits(&[x[lane]]));
             let names: [u32; MOST_LANES] = core::array::from_fn(|_| random.bits() % 3);
@@ -217,6 +228,51 @@ unsafe fn check_stacks<S: Simd>() {
     }
 }
 
+/// # Safety
+/// The processor must have the set.
+#[cfg_attr(not(unoptimised), inline(always))]
+unsafe fn check_columns<S: Simd>() {
+    let mut random = Random::new(S::N as u64 + 7);
+    for _ in 0..if cfg!(miri) { 20 } else { 500 } {
+        let columns = 2 + random.below(4);
+        let mut from = [(); 5].map(|()| [(); MOST_LANES].map(|()| random.bits()));
+        let mut to = [[7; 96]; 5];
+        let (left, right) = (3 + random.below(9), 40 + random.below(9));
+        let side = match random.below(8) {
+            0 => 0,
+            1 => (1 << S::N) - 1,
+            _ => random.bits() & ((1 << S::N) - 1),
+        };
+        let sources = from.each_mut().map(|column| column.as_mut_ptr());
+        let targets = to.each_mut().map(|column| column.as_mut_ptr());
+        // SAFETY: the caller's contract; columns are long enough.
+        unsafe { S::split(side, &sources[..columns], &targets, left, right) };
+        for (from, to) in from.iter().zip(&to[..columns]) {
+            let of = |is_left: u32| (0..S::N).filter(move |i| side >> i & 1 == is_left);
+            for (start, is_left) in [(left, 1), (right, 0)] {
+                let expected: Vec<u32> = of(is_left).map(|i| from[i]).collect();
+                assert_eq!(to[start..][..expected.len()], expected);
+                assert_eq!([to[start - 1], to[start + S::N]], [7; 2]);
+            }
+        }
+        assert_eq!(to[columns..], [[7; 96]; 5][columns..]);
+
+        // Few numbers, so that keys tie in their upper halves.
+        let numbers = [(); MOST_LANES].map(|()| random.below(5) as f32);
+        let points: [u32; MOST_LANES] = core::array::from_fn(|_| random.bits());
+        let mut keys = LeastKeys([(); 8].map(|()| key_of(random.below(6) as f32, random.bits())));
+        keys.0.sort_unstable();
+        let near = random.bits() & 0xffff;
+        let mut expected = keys.0.to_vec();
+        let near_lanes = (0..MOST_LANES).filter(|lane| near >> lane & 1 != 0);
+        expected.extend(near_lanes.map(|lane| key_of(numbers[lane], points[lane])));
+        expected.sort_unstable();
+        // SAFETY: the caller's contract; rows have as many numbers as there are bits.
+        unsafe { S::keep_least(&mut keys, numbers.as_ptr(), points.as_ptr(), near) };
+        assert_eq!(keys.0, expected[..8]);
+    }
+}
+
 struct Operations;
 
 impl Compiled for Operations {
@@ -228,6 +284,7 @@ impl Compiled for Operations {
         unsafe {
             check::<S>();
             check_stacks::<S>();
+            check_columns::<S>();
         }
     }
 }

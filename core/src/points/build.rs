@@ -71,12 +71,76 @@ pub enum PointBuildError {
     Device(#[from] DeviceError),
 }
 
+/// What a build must know of its points before it moves any.
+#[derive(Clone, Copy, Debug)]
+pub struct Survey {
+    /// What the tree will measure in.
+    pub unit: Unit,
+    /// Points given, and how many of them are left out.
+    pub report: PointReport,
+}
+
+impl Survey {
+    /// Looks at all points.
+    ///
+    /// # Errors
+    /// [`PointBuildError::Dimensions`] and [`PointBuildError::TooManyPoints`].
+    pub fn of<const N: usize>(points: &[[f32; N]]) -> Result<Survey, PointBuildError> {
+        if N == 0 || N > 4 {
+            return Err(PointBuildError::Dimensions { dimensions: N });
+        }
+        if points.len() > MOST_POINTS {
+            return Err(PointBuildError::TooManyPoints { points: points.len() });
+        }
+        let mut dropped = 0;
+        let mut greatest = greatest_bits(points.as_flattened());
+        if greatest >= INFINITE {
+            greatest = 0;
+            for point in points {
+                let most = greatest_bits(point);
+                dropped += u32::from(most >= INFINITE);
+                greatest = greatest.max(if most < INFINITE { most } else { 0 });
+            }
+        }
+        let report = PointReport { points: points.len() as u32, dropped };
+        Ok(Survey { unit: Unit::of(f32::from_bits(greatest)), report })
+    }
+
+    /// Points that are kept.
+    pub fn kept(&self) -> usize {
+        (self.report.points - self.report.dropped) as usize
+    }
+
+    /// The tree of nodes, and of points (in the tree's unit) and their indices in the order of the tree.
+    ///
+    /// # Panics
+    /// Where there are not as many as there are to be.
+    pub fn finish<const N: usize>(
+        self,
+        axes: Axes,
+        nodes: Vec<PointNode>,
+        points: Vec<[f32; N]>,
+        indices: Vec<u32>,
+    ) -> PointTree<N> {
+        let kept = self.kept();
+        assert_eq!([points.len(), indices.len()], [kept; 2]);
+        assert_eq!(nodes.len(), kept.div_ceil(BLOCK).saturating_sub(1));
+        let Survey { unit, report } = self;
+        PointTree { axes, unit, report, nodes, points, indices }
+    }
+}
+
+/// Whether a build keeps a point: all coordinates are finite.
+#[inline]
+pub fn is_kept<const N: usize>(point: &[f32; N]) -> bool {
+    greatest_bits(point) < INFINITE
+}
+
 /// A tree that is being built: the records are divided until they stand in the order of the tree.
 #[derive(Debug)]
 pub struct PointBuild<const N: usize> {
     axes: Axes,
-    unit: Unit,
-    report: PointReport,
+    survey: Survey,
     /// The points that are kept.
     pub records: Vec<Record<N>>,
     /// The nodes of the tree.
@@ -92,24 +156,12 @@ impl<const N: usize> PointBuild<N> {
         points: &[[f32; N]],
         options: &PointOptions<'_>,
     ) -> Result<PointBuild<N>, PointBuildError> {
-        if N == 0 || N > 4 {
-            return Err(PointBuildError::Dimensions { dimensions: N });
-        }
-        if points.len() > MOST_POINTS {
-            return Err(PointBuildError::TooManyPoints { points: points.len() });
-        }
-        let (mut kept, mut greatest) = (0, 0);
-        for point in points {
-            let most = greatest_bits(point);
-            let is_kept = most < INFINITE;
-            kept += usize::from(is_kept);
-            greatest = greatest.max(if is_kept { most } else { 0 });
-        }
+        let survey = Survey::of(points)?;
+        let (unit, kept) = (survey.unit, survey.kept());
         let needed = bytes::<N>(kept);
         if let Some(limit) = options.max_memory.filter(|&limit| needed > limit) {
             return Err(PointBuildError::OutOfMemory { needed, limit });
         }
-        let unit = Unit::of(f32::from_bits(greatest));
         let mut records = reserved(kept, needed)?;
         let record = |(index, point): (usize, &[f32; N])| {
             let mut units = *point;
@@ -122,14 +174,12 @@ impl<const N: usize> PointBuild<N> {
         if kept == points.len() {
             records.extend(all.map(record));
         } else {
-            records.extend(all.filter(|(_, point)| greatest_bits(point) < INFINITE).map(record));
+            records.extend(all.filter(|(_, point)| is_kept(point)).map(record));
         }
         let inner = kept.div_ceil(BLOCK).saturating_sub(1);
         let mut nodes = reserved(inner, needed)?;
         nodes.resize(inner, PointNode { plane: 0.0, axis: 0 });
-        let dropped = (points.len() - kept) as u32;
-        let report = PointReport { points: points.len() as u32, dropped };
-        Ok(PointBuild { axes: options.axes, unit, report, records, nodes })
+        Ok(PointBuild { axes: options.axes, survey, records, nodes })
     }
 
     /// The work on all points.
@@ -149,27 +199,28 @@ impl<const N: usize> PointBuild<N> {
     /// # Errors
     /// No memory.
     pub fn finish(self) -> Result<PointTree<N>, PointBuildError> {
-        let PointBuild { axes, unit, report, records, nodes } = self;
+        let PointBuild { axes, survey, records, nodes } = self;
         let needed = bytes::<N>(records.len());
         let mut points = reserved(records.len(), needed)?;
         let mut indices = reserved(records.len(), needed)?;
         points.extend(records.iter().map(Record::coordinates));
         indices.extend(records.iter().map(|record| record.point));
-        Ok(PointTree { axes, unit, report, nodes, points, indices })
+        Ok(survey.finish(axes, nodes, points, indices))
     }
 }
 
 /// Magnitudes from here on are not finite.
 const INFINITE: u32 = f32::INFINITY.to_bits();
 
-/// The greatest magnitude of a point's coordinates, as the bits of a float, which are in the order of magnitudes.
+/// The greatest magnitude of coordinates, as the bits of a float, which are in the order of magnitudes.
 #[inline(always)]
-fn greatest_bits<const N: usize>(point: &[f32; N]) -> u32 {
+fn greatest_bits(coordinates: &[f32]) -> u32 {
+    // Compared with signs, which none has: vectors of SSE2 can do that.
     let mut most = 0;
-    for axis in 0..N {
-        most = most.max(point[axis].to_bits() & 0x7fff_ffff);
+    for x in coordinates {
+        most = most.max((x.to_bits() & 0x7fff_ffff).cast_signed());
     }
-    most
+    most.cast_unsigned()
 }
 
 /// Bytes of a build: records, and the tree with points, indices and nodes.

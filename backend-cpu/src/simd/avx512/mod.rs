@@ -8,7 +8,7 @@ mod f32x16;
 mod references;
 
 use crate::simd::avx2::Avx2;
-use crate::simd::{Compiled, Direction, F32x4, Simd};
+use crate::simd::{Compiled, Direction, F32x4, LeastKeys, Simd, key_of};
 use f32x16::Avx512F32x16;
 
 /// [`Simd`] by AVX-512.
@@ -106,6 +106,54 @@ impl Simd for Avx512 {
             let b = _mm512_min_ps(b, _mm512_shuffle_ps::<0b01_00_11_10>(b, b));
             let b = _mm512_min_ps(b, _mm512_shuffle_ps::<0b10_11_00_01>(b, b));
             u32::from(_mm512_cmp_ps_mask::<_CMP_EQ_OQ>(a, b))
+        }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn lowest(of: __m512) -> f32 {
+        unsafe {
+            let upper = _mm512_castps512_ps256(_mm512_shuffle_f32x4::<0b01_00_11_10>(of, of));
+            Avx2::lowest(_mm256_min_ps(_mm512_castps512_ps256(of), upper))
+        }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn highest(of: __m512) -> f32 {
+        unsafe {
+            let upper = _mm512_castps512_ps256(_mm512_shuffle_f32x4::<0b01_00_11_10>(of, of));
+            Avx2::highest(_mm256_max_ps(_mm512_castps512_ps256(of), upper))
+        }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn compress(of: __m512, bits: u32, to: *mut f32) {
+        unsafe { _mm512_storeu_ps(to, _mm512_maskz_compress_ps(bits as __mmask16, of)) }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn split(bits: u32, from: &[*mut u32], to: &[*mut u32], left: usize, right: usize) {
+        unsafe {
+            let lefts = bits as __mmask16;
+            for (&from, &to) in from.iter().zip(to) {
+                let all = _mm512_loadu_si512(from.cast());
+                let own = _mm512_maskz_compress_epi32(lefts, all);
+                _mm512_storeu_si512(to.add(left).cast(), own);
+                let own = _mm512_maskz_compress_epi32(!lefts, all);
+                _mm512_storeu_si512(to.add(right).cast(), own);
+            }
+        }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn keep_least(keys: &mut LeastKeys, numbers: *const f32, points: *const u32, near: u32) {
+        unsafe {
+            let mut all = _mm512_load_si512(keys.0.as_ptr().cast());
+            let mut left = near;
+            while left != 0 {
+                let lane = left.trailing_zeros() as usize;
+                left &= left - 1;
+                let key = key_of(*numbers.add(lane), *points.add(lane));
+                let key = _mm512_set1_epi64(key as i64);
+                // All one place further, after a least one.
+                let further = _mm512_alignr_epi64::<7>(all, _mm512_setzero_si512());
+                all = _mm512_min_epu64(all, _mm512_max_epu64(further, key));
+            }
+            _mm512_store_si512(keys.0.as_mut_ptr().cast(), all);
         }
     }
     #[cfg_attr(not(unoptimised), inline(always))]
