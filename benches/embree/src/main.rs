@@ -6,6 +6,8 @@
 //! once, Embree first and last; a round's ratio is the mean of Embree's two times over ours, and the median of the rounds
 //! is printed. So what else the machine does disturbs both alike.
 //!
+//! With `--instances grid:N` both answer rays through N copies of the mesh, and build the tree over them in turns.
+//!
 //! What it cannot disturb at all is what callgrind counts, for each scene, set, query and contestant in a file of its own:
 //!
 //! ```text
@@ -15,6 +17,7 @@
 
 mod callgrind;
 mod embree;
+mod instances;
 mod rays;
 mod turns;
 
@@ -23,13 +26,15 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use embree::Embree;
-use splitplane_core::backend::{Accelerator, BuildOptions};
+use splitplane_core::aabb::Aabb;
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::config::Preset;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::scene::{GeometryId, InstanceId, SceneHit, SceneOptions, Transform};
 use splitplane_cpu::{CpuBackend, InstructionSet};
 use splitplane_scene::Scene;
-use turns::{Answers, Contestant, contest};
+use turns::{Answers, Contestant, contest, cpu_time, median};
 
 /// Measures splitplane and Embree 4 in turns: ns a ray, and Embree's time over ours.
 #[derive(Parser)]
@@ -61,6 +66,9 @@ struct Options {
     /// The camera stands within the scene; otherwise the file's name decides
     #[arg(long)]
     interior: bool,
+    /// Copies of each scene's mesh on a grid: `grid:N`; the camera stands outside
+    #[arg(long, value_parser = instances::recipe)]
+    instances: Option<usize>,
     /// Scenes: .obj files or `builtin:NAME`
     #[arg(required = true)]
     scenes: Vec<PathBuf>,
@@ -98,39 +106,54 @@ fn measure(path: &Path, options: &Options, pool: &rayon::ThreadPool) -> Result<(
     }
     let scene = Scene::open(path)?;
     let mesh = Mesh::indexed(&scene.positions, &scene.indices)?;
-    let backend = CpuBackend::new();
     let set = if options.avx2 { InstructionSet::Avx2 } else { InstructionSet::detect() };
     if !InstructionSet::available().contains(&set) {
         return Err(format!("this processor has no {}", set.name()).into());
     }
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     let interior = options.interior || ROOMS.iter().any(|room| name.contains(room));
-    let first = backend.build_accelerator(&mesh, &BuildOptions::from(Preset::Fast.config()))?;
-    let sets = rays::sets(&mesh, &scene.bounds(), &first, interior)?;
-    drop(first);
+    let places = options.instances.map(|count| instances::grid(&scene.bounds(), count));
+    let sets = rays_through(&mesh, &scene.bounds(), places.as_deref(), interior)?;
     let isa = options.avx2.then_some("avx2");
-    let embree = Embree::build(&options.library, isa, &scene.positions, &scene.indices)?;
+    let mut embree = Embree::build(&options.library, isa, &scene.positions, &scene.indices)?;
     println!(
-        "{}: {} triangles, {}, Embree {}{}",
+        "{}: {} triangles{}, {}, Embree {}{}",
         scene.name,
         mesh.len(),
+        places.as_ref().map_or(String::new(), |places| format!(", {} instances", places.len())),
         set.name(),
         embree.version,
         isa.map_or(String::new(), |isa| format!(" with isa={isa}"))
     );
+    let backend = CpuBackend::with_instruction_set(set);
+    if let Some(places) = &places {
+        place_in_turns(&mut embree, &backend, &mesh, places, (options, pool))?;
+    }
     let mut contestants = vec![Contestant {
         name: "Embree".into(),
         closest: Box::new(|rays, hits| embree.closest(rays, hits)),
         any: Box::new(|rays, hits| embree.any(rays, hits)),
     }];
     for preset in &options.presets {
-        let backend = CpuBackend::with_instruction_set(set);
-        let tree = pool
-            .install(|| backend.build_accelerator(&mesh, &BuildOptions::from(preset.config())))?;
+        let (name, build) = (preset.name().to_owned(), BuildOptions::from(preset.config()));
+        if let Some(places) = &places {
+            let own = instances::scene(&mesh, places)?;
+            let how = (&build, options.single);
+            let (contestant, built) = instances::ours(name, &backend, &own, how, pool)?;
+            let bytes = built.scene().bytes_beside_geometries();
+            println!(
+                "  {}: {} bytes, {bytes} of them beside the mesh",
+                preset.name(),
+                built.scene().bytes()
+            );
+            contestants.push(contestant);
+            continue;
+        }
+        let tree = pool.install(|| backend.build_accelerator(&mesh, &build))?;
         contestants.push(if options.single {
-            one_by_one(preset.name().into(), tree)
+            one_by_one(name, tree)
         } else {
-            ours(preset.name().into(), tree, pool)
+            ours(name, tree, pool)
         });
     }
     for (name, rays) in rays::SETS.into_iter().zip(&sets) {
@@ -144,6 +167,70 @@ fn measure(path: &Path, options: &Options, pool: &rayon::ThreadPool) -> Result<(
             contest(name, &rays, &contestants, options.rounds, tolerance)?;
         }
     }
+    Ok(())
+}
+
+/// The sets of rays through the mesh, or through its copies.
+fn rays_through(
+    mesh: &Mesh<'_>,
+    bounds: &Aabb,
+    places: Option<&[Transform]>,
+    interior: bool,
+) -> Result<[Vec<Ray>; 4], Problem> {
+    let (backend, options) = (CpuBackend::new(), BuildOptions::from(Preset::Fast.config()));
+    let triangle =
+        |hit: &SceneHit| mesh.triangle(hit.triangle as usize).map(|corner| corner.map(f64::from));
+    let Some(places) = places else {
+        let tree = backend.build_accelerator(mesh, &options)?;
+        let seen = |rays: &[Ray]| {
+            let mut hits = vec![Hit::MISS; rays.len()];
+            tree.closest_hits(rays, &mut hits, &QueryOptions::default())?;
+            let of = |hit| SceneHit::of(hit, GeometryId(0), InstanceId(0));
+            Ok(hits.iter().map(of).collect())
+        };
+        return Ok(rays::sets(bounds, interior, seen, triangle)?);
+    };
+    let tree = backend.build_scene(&instances::scene(mesh, places)?, &options)?;
+    let seen = |rays: &[Ray]| {
+        let mut hits = vec![SceneHit::MISS; rays.len()];
+        tree.closest_hits(rays, &mut hits, &SceneOptions::default()).map(|_| hits)
+    };
+    let face = |hit: &SceneHit| {
+        let place = &places[hit.instance as usize];
+        triangle(hit).map(|corner| instances::in_world(place, corner))
+    };
+    Ok(rays::sets(&instances::bounds(bounds, places), false, seen, face)?)
+}
+
+/// Prints what it takes to place all instances and to build the tree over them, for both in turns.
+fn place_in_turns(
+    embree: &mut Embree,
+    backend: &CpuBackend,
+    mesh: &Mesh<'_>,
+    places: &[Transform],
+    (options, pool): (&Options, &rayon::ThreadPool),
+) -> Result<(), Problem> {
+    let build = BuildOptions::from(Preset::Fast.config());
+    let mut rounds = Vec::new();
+    if options.count {
+        // Without a clock, which does not run under Valgrind.
+        return Ok(embree.place(places, |commit| commit())?);
+    }
+    for round in 0..=options.rounds {
+        let theirs = embree.place(places, |commit| {
+            let before = cpu_time();
+            commit();
+            cpu_time() - before
+        })?;
+        let ours = instances::placing(backend, mesh, places, &build, pool)?;
+        // The first warms up.
+        if round > 0 {
+            rounds.push([theirs, ours].map(|time| time.as_secs_f64() * 1e3));
+        }
+    }
+    let [theirs, ours] = [0, 1].map(|one| median(rounds.iter().map(|round| round[one])));
+    let ratio = median(rounds.iter().map(|[theirs, ours]| theirs / ours));
+    println!("  top tree          Embree {theirs:.2} ms  ours {ours:.2} ms, {ratio:.2}");
     Ok(())
 }
 

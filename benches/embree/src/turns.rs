@@ -101,7 +101,7 @@ fn print(what: &str, rays: usize, all: &[Contestant<'_>], rounds: &[Vec<f64>]) {
     println!();
 }
 
-fn median(numbers: impl Iterator<Item = f64>) -> f64 {
+pub(crate) fn median(numbers: impl Iterator<Item = f64>) -> f64 {
     let mut sorted: Vec<f64> = numbers.collect();
     sorted.sort_by(f64::total_cmp);
     let middle = sorted.len() / 2;
@@ -110,7 +110,7 @@ fn median(numbers: impl Iterator<Item = f64>) -> f64 {
 
 /// CPU time of this process.
 #[cfg(unix)]
-fn cpu_time() -> Duration {
+pub(crate) fn cpu_time() -> Duration {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
     let [seconds, nanoseconds] =
         [time.tv_sec, time.tv_nsec].map(|part| u64::try_from(part).unwrap_or(0));
@@ -119,7 +119,7 @@ fn cpu_time() -> Duration {
 
 /// Time, where the system's CPU time is not at hand.
 #[cfg(not(unix))]
-fn cpu_time() -> Duration {
+pub(crate) fn cpu_time() -> Duration {
     static START: std::sync::LazyLock<std::time::Instant> =
         std::sync::LazyLock::new(std::time::Instant::now);
     START.elapsed()
