@@ -3,7 +3,7 @@
 //!
 //! A node's boxes are tested for all rays at once, by the intervals in which their origins and reciprocals lie; a child that any of them may meet is
 //! tested by each, as many as a vector has lanes at a time, when its turn comes. The rays that meet an instance's box go into its space and are
-//! prepared by vectors, and then through the mesh as a batch of it goes: in packets where they keep together, in turn otherwise. The roundings of
+//! prepared by vectors, and take their steps in the mesh in turn. The roundings of
 //! intervals are those of the core's test of a box, so no ray misses an instance that could have a hit, and hits do not depend on the way.
 
 mod way;
@@ -29,7 +29,7 @@ use crate::trace::prepare::CHUNK;
 use crate::trace::stream::Flight;
 
 /// So few rays are prepared one by one.
-const FEW: u32 = 3;
+const FEW: u32 = 8;
 
 /// Memory, kept from one to the next.
 pub(super) struct Room {
@@ -132,13 +132,7 @@ impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for Together<'a, '_, T, L> {
                         let many = met.count_ones() > FEW && placement.ordinary;
                         let special = if many {
                             way.seen_by::<S>(placement, &mut seen);
-                            S::call(ReadyMany {
-                                flight,
-                                batch: &batch,
-                                rows: &seen,
-                                asked: met,
-                                answers: &mut to,
-                            })
+                            S::call(ReadyMany { flight, batch: &batch, rows: &seen, asked: met })
                         } else {
                             let mut special = 0;
                             for lane in lanes_of(met) {

@@ -9,29 +9,27 @@ use super::prepare_one::{LoadedRay, Readiness};
 use super::ray_state::{RayState, ScalarOutcome};
 use super::single::Single;
 use super::stream::{Flight, fly};
-use super::supply::Supply;
 use crate::simd::{Compiled, Simd};
 
-/// Makes some of the rays of these rows ready, and answers those that miss the bounds and those that go the same way. Rows are
-/// origin, lower limit, direction, upper limit, as in [`Ray`]. The layout must be made for the set, and the flight must have space for
-/// its stacks. A function of its own, so that it is compiled once for all queries.
-pub(crate) struct ReadyMany<'a, 'b, 'c> {
+/// Makes some of the rays of these rows ready, those that meet the bounds. Rows are origin, lower limit, direction, upper limit, as in [`Ray`]. The
+/// layout must be made for the set, and the flight must have space for its stacks. A function of its own, so that it is compiled once for
+/// all queries.
+pub(crate) struct ReadyMany<'a, 'b> {
     pub(crate) flight: &'a mut Flight,
     pub(crate) batch: &'a RayBatch<'b>,
     pub(crate) rows: &'a [PerRay<f32>; RECORD],
     /// Which of them, as bits.
     pub(crate) asked: u32,
-    pub(crate) answers: &'a mut Answers<'c>,
 }
 
-impl Compiled for ReadyMany<'_, '_, '_> {
+impl Compiled for ReadyMany<'_, '_> {
     /// The lanes that need more care.
     type Output = u32;
 
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> u32 {
-        let ReadyMany { flight, batch, rows, asked, answers } = self;
-        let Flight { ready, ray_states, packet, left, .. } = flight;
+        let ReadyMany { flight, batch, rows, asked } = self;
+        let Flight { ready, ray_states, left, .. } = flight;
         ready.fill_rows(rows, CHUNK, batch.scene, 0, batch.query);
         let (mut special, mut alive) = (0, 0);
         for lane in 0..CHUNK {
@@ -40,15 +38,11 @@ impl Compiled for ReadyMany<'_, '_, '_> {
             alive |= (ready.alive[lane] & within) << lane;
         }
         let rays = alive & asked & !special;
-        let (next, batch) = (0, *batch);
-        let mut supply = Supply { batch, next, left: rays, ready, ray_states, packet };
-        // SAFETY: the caller's contract.
-        unsafe {
-            supply.packets::<S>(0, answers);
-            *left = supply.left;
-            if *left != 0 {
-                supply.ready.ray_states::<S>(supply.ray_states);
-            }
+        // Not in packets: where a mesh has a triangle or two for each ray, they take longer.
+        *left = rays;
+        if rays != 0 {
+            // SAFETY: the caller's contract.
+            unsafe { ready.ray_states::<S>(ray_states) };
         }
         special & asked
     }

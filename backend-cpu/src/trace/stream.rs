@@ -34,7 +34,7 @@ pub(crate) struct Flight {
     stacks: Vec<u32>,
     pub(super) ready: PreparedRays,
     pub(super) ray_states: [RayState; CHUNK],
-    pub(super) packet: Packet,
+    packet: Packet,
     /// Rays that were made ready elsewhere.
     pub(super) left: u32,
 }

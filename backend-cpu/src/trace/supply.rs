@@ -94,7 +94,7 @@ impl Supply<'_> {
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(super) unsafe fn packets<S: Simd>(&mut self, start: usize, answers: &mut Answers<'_>) {
+    unsafe fn packets<S: Simd>(&mut self, start: usize, answers: &mut Answers<'_>) {
         let RayBatch { layout, scene, options, query, .. } = self.batch;
         // Packets test blocks in their stored form.
         if options.accuracy == Accuracy::Exact || IndexedLeaves::of(layout).is_some() {
