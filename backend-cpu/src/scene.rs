@@ -29,6 +29,7 @@ mod parts;
 mod seen;
 mod single;
 mod stream;
+mod together;
 mod top_walk;
 
 use parts::{Geometries, Kind};

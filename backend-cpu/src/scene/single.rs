@@ -51,7 +51,7 @@ impl<T: SceneAnswer> Compiled for Following<'_, T> {
         let SceneSingle { scene, ray, options, set } = self.0;
         let mut answer = T::NONE;
         let Some(top_ray) = TopRay::new(ray) else { return Followed::Answer(answer) };
-        let top_ray = VectorRay::new(&top_ray, options.accuracy);
+        let top_ray = VectorRay::new(&top_ray, options.accuracy, scene.top_tree().reach());
         let nodes = scene.top_tree().nodes();
         // Not cleared: that takes as long as a few nodes.
         let mut stack = [MaybeUninit::<TopStack>::uninit(); WIDEST_STACK];

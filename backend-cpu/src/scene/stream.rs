@@ -11,7 +11,7 @@ use std::collections::TryReserveError;
 use splitplane_core::backend::QueryLayout;
 use splitplane_core::backend::scene::{Asked, BuiltScene, SceneAnswer, limit_within, seen_by};
 use splitplane_core::query::traverse::Query;
-use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_core::scene::{
     GeometryId, InstanceId, Placement, SceneHit, SceneOptions, TopRay, TopStack,
 };
@@ -19,6 +19,7 @@ use splitplane_core::scene::{
 use super::counting::{Counting, EveryHit, KeptHits};
 use super::parts::{Geometries, Reached, all_count};
 use super::seen::WorldRay;
+use super::together::{Room, Together};
 use super::top_walk::{VectorRay, next};
 use crate::layout::tree_layout::TreeLayout;
 use crate::layout::wide_node::{CacheLine, DONE};
@@ -27,6 +28,7 @@ use crate::simd::{Compiled, Simd, prefetch};
 use crate::trace::block_test::BestHit;
 use crate::trace::keep::Keep;
 use crate::trace::leaves::{IndexedLeaves, Leaves, PackedLeaves};
+use crate::trace::prepare::CHUNK;
 use crate::trace::prepare_one::Readiness;
 use crate::trace::queues::{FLIGHT, Queues, Turn};
 use crate::trace::ray_state::{RayState, ScalarOutcome};
@@ -43,7 +45,7 @@ pub(super) struct SceneStream<'a, T> {
 }
 
 /// Layouts whose leaves are found in one way.
-trait Found<'a>: Leaves {
+pub(super) trait Found<'a>: Leaves {
     /// The leaves of a layout of this kind.
     fn of(layout: &'a TreeLayout) -> Option<Self>;
 }
@@ -175,7 +177,10 @@ impl<'a, T: SceneAnswer, L: Found<'a>, C: Counting> Compiled for Flying<'a, T, L
                 }
             };
         }
-        let nodes = scene.top_tree().nodes();
+        let usual = C::Keep::ALL && options.accuracy == Accuracy::Watertight;
+        let mut together =
+            if usual && rays.len() >= CHUNK { Some(Room::new(top_room, room)?) } else { None };
+        let (nodes, reach) = (scene.top_tree().nodes(), scene.top_tree().reach());
         let placements = scene.all_placements();
         let (mut following, mut entered) = (0usize, 0u64);
         let mut leaf_room = L::room();
@@ -193,6 +198,19 @@ impl<'a, T: SceneAnswer, L: Found<'a>, C: Counting> Compiled for Flying<'a, T, L
                             answers[lane.index as usize] = lane.answer;
                             lane.index = RayState::NO_RAY;
                         }
+                        while following % CHUNK == 0
+                            && let Some(room) = &mut together
+                            && let Some(rays) = rays[following..].get(..CHUNK)
+                        {
+                            let answers = &mut answers[following..][..CHUNK];
+                            let of = PhantomData::<L>;
+                            let asked =
+                                Together { scene, geometries, options, rays, answers, room, of };
+                            // SAFETY: the caller's contract.
+                            let Some(more) = (unsafe { S::call(asked) }) else { break };
+                            entered += more;
+                            following += CHUNK;
+                        }
                         let Some(ray) = rays.get(following) else { break };
                         following += 1;
                         let Some(top_ray) = TopRay::new(ray) else {
@@ -200,7 +218,7 @@ impl<'a, T: SceneAnswer, L: Found<'a>, C: Counting> Compiled for Flying<'a, T, L
                             continue;
                         };
                         lane.index = following as u32 - 1;
-                        let top_ray = VectorRay::new(&top_ray, options.accuracy);
+                        let top_ray = VectorRay::new(&top_ray, options.accuracy, reach);
                         (lane.top_ray, lane.answer) = (top_ray, T::NONE);
                         lane.world = WorldRay::new(ray);
                         lane.tops = scene.top_tree().begin(top_stack);
@@ -310,6 +328,9 @@ impl<'a, T: SceneAnswer, L: Found<'a>, C: Counting> Compiled for Flying<'a, T, L
                 queues.wait(number, turn);
             }
             if queues.is_empty() {
+                if let Some(room) = together {
+                    room.give_back();
+                }
                 return Ok(Followed { entered, rejected: rejected.get() });
             }
             for number in queues.take(Turn::Node) {

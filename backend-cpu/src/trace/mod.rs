@@ -12,6 +12,7 @@
 
 pub(crate) mod batch;
 pub(crate) mod block_test;
+pub(crate) mod bunch;
 pub(crate) mod exact;
 pub(crate) mod fast;
 pub(crate) mod keep;

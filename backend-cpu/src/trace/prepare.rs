@@ -32,7 +32,7 @@ pub(super) fn numbers<'a>(rays: &Rays<'a>) -> (&'a [f32], usize) {
 }
 
 /// Numbers of a record.
-pub(super) const RECORD: usize = 8;
+pub(crate) const RECORD: usize = 8;
 /// Numbers of a row.
 const ROW: usize = 6;
 
@@ -213,7 +213,21 @@ impl PreparedRays {
             given.copy_within(3..6, 4);
             (given[3], given[7]) = ([t_min; CHUNK], [t_max; CHUNK]);
         }
-        let [ox, oy, oz, given_t_min, dx, dy, dz, given_t_max, ..] = &given;
+        let rows = given.first_chunk().expect("more rows than numbers");
+        self.fill_rows(rows, count, scene, first, query);
+    }
+
+    /// Prepares rays of which rows have the numbers, in the order of records; of the lanes the first `count`.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) fn fill_rows(
+        &mut self,
+        given: &[PerRay<f32>; RECORD],
+        count: usize,
+        scene: &SceneScale,
+        first: usize,
+        query: Query,
+    ) {
+        let [ox, oy, oz, given_t_min, dx, dy, dz, given_t_max] = given;
         let (origins, directions) = ([ox, oy, oz], [dx, dy, dz]);
         let mut alive = [1u32; CHUNK];
         let mut special = [u32::from(scene.wide); CHUNK];

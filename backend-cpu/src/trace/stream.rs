@@ -28,13 +28,15 @@ use crate::memory::{boxed, lengthen};
 use crate::simd::{Compiled, Simd};
 
 /// Memory of the rays under way, kept between batches.
-struct Flight {
+pub(crate) struct Flight {
     lanes: Vec<Lane>,
     /// Their stacks.
     stacks: Vec<u32>,
-    ready: PreparedRays,
-    ray_states: [RayState; CHUNK],
+    pub(super) ready: PreparedRays,
+    pub(super) ray_states: [RayState; CHUNK],
     packet: Packet,
+    /// Rays that were made ready elsewhere.
+    pub(super) left: u32,
 }
 
 impl Flight {
@@ -43,7 +45,25 @@ impl Flight {
         let (lanes, stacks) = (Vec::new(), Vec::new());
         let (ready, ray_states, packet) =
             (PreparedRays::NONE, [RayState::none(); CHUNK], Packet::new());
-        Flight { lanes, stacks, ready, ray_states, packet }
+        Flight { lanes, stacks, ready, ray_states, packet, left: 0 }
+    }
+
+    /// Takes this thread's memory, for stacks of so many entries.
+    ///
+    /// # Errors
+    /// No memory.
+    pub(crate) fn borrow(room: usize) -> Result<Box<Flight>, TryReserveError> {
+        // `None` while the thread is being destroyed.
+        let kept = IN_FLIGHT.try_with(RefCell::take).ok().flatten();
+        let mut flight = kept.map_or_else(|| boxed(Flight::new), Ok)?;
+        flight.left = 0;
+        flight.make_room(room)?;
+        Ok(flight)
+    }
+
+    /// Keeps it for the next batch.
+    pub(crate) fn give_back(self: Box<Flight>) {
+        let _ = IN_FLIGHT.try_with(|kept| kept.replace(Some(self)));
     }
 
     /// Makes lanes, and stacks of `room` entries.
@@ -87,32 +107,38 @@ impl Compiled for Stream<'_> {
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> Result<(), TryReserveError> {
         let Stream { batch, mut answers } = self;
-        // Taken out; `None` while the thread is being destroyed.
-        let kept = IN_FLIGHT.try_with(RefCell::take).ok().flatten();
-        let mut flight = kept.map_or_else(|| boxed(Flight::new), Ok)?;
-        flight.make_room(batch.layout.wide.stack())?;
+        let mut flight = Flight::borrow(batch.layout.wide.stack())?;
         // SAFETY: the caller's contract; there is space.
         unsafe {
             match IndexedLeaves::of(batch.layout) {
                 None => {
-                    fly::<S, _>(batch, PackedLeaves::new(batch.layout), &mut flight, &mut answers);
+                    fly::<S, _>(
+                        batch,
+                        0,
+                        PackedLeaves::new(batch.layout),
+                        &mut flight,
+                        &mut answers,
+                    );
                 }
                 Some(leaves) => {
-                    fly::<S, IndexedLeaves<'_>>(batch, leaves, &mut flight, &mut answers);
+                    fly::<S, IndexedLeaves<'_>>(batch, 0, leaves, &mut flight, &mut answers);
                 }
             }
         }
-        let _ = IN_FLIGHT.try_with(|kept| kept.replace(Some(flight)));
+        flight.give_back();
         Ok(())
     }
 }
 
+/// Traces what the batch has, and before it the rays of `left`, which were made ready elsewhere.
+///
 /// # Safety
 /// The processor must have the set, for whose width the layout was made; the flight must have space
-/// for its stacks.
+/// for its stacks, and ray states for the rays of `left`.
 #[cfg_attr(not(unoptimised), inline(always))]
-unsafe fn fly<S: Simd, L: Leaves>(
+pub(super) unsafe fn fly<S: Simd, L: Leaves>(
     batch: RayBatch<'_>,
+    left: u32,
     leaves: L,
     flight: &mut Flight,
     answers: &mut Answers<'_>,
@@ -121,10 +147,10 @@ unsafe fn fly<S: Simd, L: Leaves>(
     let lines = layout.wide.lines();
     let test = TestContext { leaves, options, query, keep: KeepAll };
     let room = layout.wide.stack();
-    let Flight { lanes, stacks, ready, ray_states, packet } = flight;
+    let Flight { lanes, stacks, ready, ray_states, packet, .. } = flight;
     let exactly = options.accuracy == Accuracy::Exact;
     let bounds = [scene.bounds, layout.large.others];
-    let mut supply = Supply { batch, next: 0, left: 0, ready, ray_states, packet };
+    let mut supply = Supply { batch, next: 0, left, ready, ray_states, packet };
     let mut queues = Queues::IDLE;
     for (lane, stack) in lanes.iter_mut().zip(stacks.chunks_exact_mut(2 * room)) {
         lane.ray_state.index = RayState::NO_RAY;

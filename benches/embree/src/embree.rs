@@ -6,6 +6,7 @@ use std::path::Path;
 
 use libloading::Library;
 use splitplane_core::ray::Ray;
+use splitplane_core::scene::Transform;
 
 use crate::turns::cpu_time;
 pub(crate) use packets::{Of, Packets};
@@ -46,17 +47,34 @@ pub(crate) struct Arguments {
 
 /// The scene's triangles in Embree, medium quality.
 pub(crate) struct Embree {
+    /// What rays go through: the mesh, or instances of it.
     scene: Handle,
+    mesh: Handle,
     device: Handle,
+    calls: Calls,
+    pub version: String,
+    /// CPU time of the build: from its own vertices and indices to a scene that is ready.
+    pub build_seconds: f64,
+}
+
+/// Embree's functions.
+#[derive(Clone, Copy)]
+struct Calls {
     intersect: Query,
     occluded: Query,
     by_8: (packets::Query<8>, packets::Query<8>),
     by_16: (packets::Query<16>, packets::Query<16>),
+    error: unsafe extern "C" fn(Handle) -> u32,
+    new_scene: unsafe extern "C" fn(Handle) -> Handle,
+    new_geometry: unsafe extern "C" fn(Handle, u32) -> Handle,
+    set_instanced: unsafe extern "C" fn(Handle, Handle),
+    set_transform: unsafe extern "C" fn(Handle, u32, u32, *const f32),
+    attach: unsafe extern "C" fn(Handle, Handle) -> u32,
+    commit_geometry: Release,
+    release_geometry: Release,
+    commit_scene: Release,
     release_scene: Release,
     release_device: Release,
-    pub version: String,
-    /// CPU time of the build: from its own vertices and indices to a scene that is ready.
-    pub build_seconds: f64,
 }
 
 /// Numbers of Embree's enumerations.
@@ -67,7 +85,9 @@ const INDEX_BUFFER: u32 = 0;
 const VERTEX_BUFFER: u32 = 1;
 const UINT3: u32 = 0x5003;
 const FLOAT3: u32 = 0x9003;
+const FLOAT3X4_BY_ROWS: u32 = 0x9134;
 const TRIANGLES: u32 = 0;
+const INSTANCE: u32 = 121;
 const NONE: u32 = u32::MAX;
 /// All features.
 const FEATURES: u32 = u32::MAX;
@@ -98,16 +118,30 @@ impl Embree {
                 function!(b"rtcNewDevice\0": unsafe extern "C" fn(*const c_char) -> Handle);
             let property =
                 function!(b"rtcGetDeviceProperty\0": unsafe extern "C" fn(Handle, u32) -> isize);
-            let error = function!(b"rtcGetDeviceError\0": unsafe extern "C" fn(Handle) -> u32);
-            let new_scene = function!(b"rtcNewScene\0": unsafe extern "C" fn(Handle) -> Handle);
-            let new_geometry =
-                function!(b"rtcNewGeometry\0": unsafe extern "C" fn(Handle, u32) -> Handle);
             let new_buffer = function!(b"rtcSetNewGeometryBuffer\0": unsafe extern "C" fn(Handle, u32, u32, u32, usize, usize) -> *mut c_void);
-            let commit_geometry = function!(b"rtcCommitGeometry\0": Release);
-            let attach =
-                function!(b"rtcAttachGeometry\0": unsafe extern "C" fn(Handle, Handle) -> u32);
-            let release_geometry = function!(b"rtcReleaseGeometry\0": Release);
-            let commit_scene = function!(b"rtcCommitScene\0": Release);
+            let calls = Calls {
+                intersect: function!(b"rtcIntersect1\0": Query),
+                occluded: function!(b"rtcOccluded1\0": Query),
+                by_8: (
+                    function!(b"rtcIntersect8\0": packets::Query<8>),
+                    function!(b"rtcOccluded8\0": packets::Query<8>),
+                ),
+                by_16: (
+                    function!(b"rtcIntersect16\0": packets::Query<16>),
+                    function!(b"rtcOccluded16\0": packets::Query<16>),
+                ),
+                error: function!(b"rtcGetDeviceError\0": unsafe extern "C" fn(Handle) -> u32),
+                new_scene: function!(b"rtcNewScene\0": unsafe extern "C" fn(Handle) -> Handle),
+                new_geometry: function!(b"rtcNewGeometry\0": unsafe extern "C" fn(Handle, u32) -> Handle),
+                set_instanced: function!(b"rtcSetGeometryInstancedScene\0": unsafe extern "C" fn(Handle, Handle)),
+                set_transform: function!(b"rtcSetGeometryTransform\0": unsafe extern "C" fn(Handle, u32, u32, *const f32)),
+                attach: function!(b"rtcAttachGeometry\0": unsafe extern "C" fn(Handle, Handle) -> u32),
+                commit_geometry: function!(b"rtcCommitGeometry\0": Release),
+                release_geometry: function!(b"rtcReleaseGeometry\0": Release),
+                commit_scene: function!(b"rtcCommitScene\0": Release),
+                release_scene: function!(b"rtcReleaseScene\0": Release),
+                release_device: function!(b"rtcReleaseDevice\0": Release),
+            };
             let isa_is = isa.map_or(String::new(), |isa| format!(",isa={isa}"));
             let config = CString::new(format!("threads=1,user_threads=0{isa_is}"))
                 .map_err(|error| error.to_string())?;
@@ -120,49 +154,73 @@ impl Embree {
                 return Err("Embree was not held to AVX2".into());
             }
             let version = property(device, VERSION);
-            let scene = new_scene(device);
-            let geometry = new_geometry(device, TRIANGLES);
+            let scene = (calls.new_scene)(device);
+            let geometry = (calls.new_geometry)(device, TRIANGLES);
             let to = new_buffer(geometry, VERTEX_BUFFER, 0, FLOAT3, 12, vertices.len());
             let named = new_buffer(geometry, INDEX_BUFFER, 0, UINT3, 12, triangles.len());
             if to.is_null() || named.is_null() {
-                return Err(format!("no buffer: Embree's error {}", error(device)));
+                return Err(format!("no buffer: Embree's error {}", (calls.error)(device)));
             }
             to.cast::<[f32; 3]>().copy_from_nonoverlapping(vertices.as_ptr(), vertices.len());
             named.cast::<[u32; 3]>().copy_from_nonoverlapping(triangles.as_ptr(), triangles.len());
             let before = cpu_time();
-            commit_geometry(geometry);
-            attach(scene, geometry);
-            release_geometry(geometry);
-            commit_scene(scene);
+            (calls.commit_geometry)(geometry);
+            (calls.attach)(scene, geometry);
+            (calls.release_geometry)(geometry);
+            (calls.commit_scene)(scene);
             let build_seconds = (cpu_time() - before).as_secs_f64();
-            match error(device) {
+            match (calls.error)(device) {
                 0 => {}
                 code => return Err(format!("Embree's error {code}")),
             }
-            Ok(Embree {
-                scene,
-                device,
-                intersect: function!(b"rtcIntersect1\0": Query),
-                occluded: function!(b"rtcOccluded1\0": Query),
-                by_8: (
-                    function!(b"rtcIntersect8\0": packets::Query<8>),
-                    function!(b"rtcOccluded8\0": packets::Query<8>),
-                ),
-                by_16: (
-                    function!(b"rtcIntersect16\0": packets::Query<16>),
-                    function!(b"rtcOccluded16\0": packets::Query<16>),
-                ),
-                release_scene: function!(b"rtcReleaseScene\0": Release),
-                release_device: function!(b"rtcReleaseDevice\0": Release),
-                build_seconds,
-                version: format!("{}.{}.{}", version / 10000, version / 100 % 100, version % 100),
-            })
+            let version = format!("{}.{}.{}", version / 10000, version / 100 % 100, version % 100);
+            Ok(Embree { scene, mesh: scene, device, calls, version, build_seconds })
+        }
+    }
+
+    /// Has rays go through the mesh at these places, in place of what they went through. Returns what `clock` says of the commit of
+    /// the scene over all of them.
+    ///
+    /// # Errors
+    /// Embree's.
+    pub(crate) fn place<T>(
+        &mut self,
+        places: &[Transform],
+        clock: impl FnOnce(&mut dyn FnMut()) -> T,
+    ) -> Result<T, String> {
+        let Embree { mesh, device, calls, .. } = *self;
+        // SAFETY: handles of this device; a transform is twelve numbers, row by row.
+        unsafe {
+            self.drop_places();
+            let scene = (calls.new_scene)(device);
+            for transform in places {
+                let geometry = (calls.new_geometry)(device, INSTANCE);
+                (calls.set_instanced)(geometry, mesh);
+                (calls.set_transform)(geometry, 0, FLOAT3X4_BY_ROWS, transform.as_ptr().cast());
+                (calls.commit_geometry)(geometry);
+                (calls.attach)(scene, geometry);
+                (calls.release_geometry)(geometry);
+            }
+            let took = clock(&mut || (calls.commit_scene)(scene));
+            self.scene = scene;
+            match (calls.error)(device) {
+                0 => Ok(took),
+                code => Err(format!("Embree's error {code}")),
+            }
+        }
+    }
+
+    fn drop_places(&mut self) {
+        if self.scene != self.mesh {
+            // SAFETY: made by `place`, and released once.
+            unsafe { (self.calls.release_scene)(self.scene) };
+            self.scene = self.mesh;
         }
     }
 
     /// Distance (infinity for none) and triangle of each ray's closest hit.
     pub(crate) fn closest(&self, rays: &[Ray], hits: &mut [(f32, u32)]) {
-        self.ask(self.intersect, rays, |place, ray| {
+        self.ask(self.calls.intersect, rays, |place, ray| {
             let missed = ray.geometry == NONE;
             hits[place] = if missed { (f32::INFINITY, NONE) } else { (ray.t_far, ray.triangle) };
         });
@@ -171,7 +229,7 @@ impl Embree {
     /// Whether each ray hits anything.
     pub(crate) fn any(&self, rays: &[Ray], hits: &mut [bool]) {
         // Minus infinity says that there is something.
-        self.ask(self.occluded, rays, |place, ray| hits[place] = ray.t_far < 0.0);
+        self.ask(self.calls.occluded, rays, |place, ray| hits[place] = ray.t_far < 0.0);
     }
 
     fn ask(&self, query: Query, rays: &[Ray], mut answer: impl FnMut(usize, &RayHit)) {
@@ -203,10 +261,11 @@ impl Embree {
 
 impl Drop for Embree {
     fn drop(&mut self) {
+        self.drop_places();
         // SAFETY: both were made by `build` and are released once.
         unsafe {
-            (self.release_scene)(self.scene);
-            (self.release_device)(self.device);
+            (self.calls.release_scene)(self.mesh);
+            (self.calls.release_device)(self.device);
         }
     }
 }

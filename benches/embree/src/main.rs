@@ -7,6 +7,8 @@
 //! is printed. So what else the machine does disturbs both alike. `--packets` has Embree answer packets too, `--accuracies` ours at other
 //! accuracies; `--builds` measures builds in place of rays, and `--frames` a frame.
 //!
+//! With `--instances grid:N` both answer rays through N copies of the mesh, and build the tree over them in turns.
+//!
 //! What it cannot disturb at all is what callgrind counts, for each scene, set, query and contestant in a file of its own:
 //!
 //! ```text
@@ -18,6 +20,7 @@ mod builds;
 mod callgrind;
 mod embree;
 mod frames;
+mod instances;
 mod rays;
 mod turns;
 
@@ -29,13 +32,15 @@ use std::sync::Arc;
 
 use clap::Parser;
 use embree::{Embree, Of, Packets};
-use splitplane_core::backend::{Accelerator, BuildOptions};
+use splitplane_core::aabb::Aabb;
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::config::Preset;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
+use splitplane_core::scene::{GeometryId, InstanceId, SceneHit, SceneOptions, Transform};
 use splitplane_cpu::{CpuBackend, InstructionSet};
 use splitplane_scene::Scene;
-use turns::{Answers, Contestant, contest};
+use turns::{Answers, Contestant, contest, cpu_time, median};
 
 /// Measures splitplane and Embree 4 in turns: ns a ray, and Embree's time over ours.
 #[derive(Parser)]
@@ -94,6 +99,9 @@ struct Options {
     /// The camera stands within the scene; otherwise the file's name decides
     #[arg(long)]
     interior: bool,
+    /// Copies of each scene's mesh on a grid: `grid:N`; the camera stands outside
+    #[arg(long, value_parser = instances::recipe)]
+    instances: Option<usize>,
     /// Scenes: .obj files or `builtin:NAME`
     #[arg(required = true)]
     scenes: Vec<PathBuf>,
@@ -131,7 +139,6 @@ fn measure(path: &Path, options: &Options, pool: &rayon::ThreadPool) -> Result<(
     }
     let mut scene = Scene::open(path)?;
     let mesh = Mesh::indexed(&scene.positions, &scene.indices)?;
-    let backend = CpuBackend::new();
     let set = if options.avx2 { InstructionSet::Avx2 } else { InstructionSet::detect() };
     if !InstructionSet::available().contains(&set) {
         return Err(format!("this processor has no {}", set.name()).into());
@@ -143,14 +150,14 @@ fn measure(path: &Path, options: &Options, pool: &rayon::ThreadPool) -> Result<(
         println!("{}: {} triangles, {}", scene.name, mesh.len(), set.name());
         return frames::measure(&mut scene, options, (set, isa), pool);
     }
-    let first = backend.build_accelerator(&mesh, &BuildOptions::from(Preset::Fast.config()))?;
-    let sets = rays::sets(&mesh, &scene.bounds(), &first, interior)?;
-    drop(first);
-    let embree = Embree::build(&options.library, isa, &scene.positions, &scene.indices)?;
+    let places = options.instances.map(|count| instances::grid(&scene.bounds(), count));
+    let sets = rays_through(&mesh, &scene.bounds(), places.as_deref(), interior)?;
+    let mut embree = Embree::build(&options.library, isa, &scene.positions, &scene.indices)?;
     println!(
-        "{}: {} triangles, {}, Embree {}{}",
+        "{}: {} triangles{}, {}, Embree {}{}",
         scene.name,
         mesh.len(),
+        places.as_ref().map_or(String::new(), |places| format!(", {} instances", places.len())),
         set.name(),
         embree.version,
         isa.map_or(String::new(), |isa| format!(" with isa={isa}"))
@@ -168,6 +175,10 @@ fn measure(path: &Path, options: &Options, pool: &rayon::ThreadPool) -> Result<(
         };
         return options.presets.iter().try_for_each(|preset| task.measure(*preset));
     }
+    let backend = CpuBackend::with_instruction_set(set);
+    if let Some(places) = &places {
+        place_in_turns(&mut embree, &backend, &mesh, places, (options, pool))?;
+    }
     let mut contestants = vec![Contestant {
         name: "Embree".into(),
         ready: Box::new(|_| ()),
@@ -178,14 +189,25 @@ fn measure(path: &Path, options: &Options, pool: &rayon::ThreadPool) -> Result<(
         contestants.push(if options.avx2 { packets::<8>(&embree) } else { packets::<16>(&embree) });
     }
     for preset in &options.presets {
-        let backend = CpuBackend::with_instruction_set(set);
-        let tree = pool
-            .install(|| backend.build_accelerator(&mesh, &BuildOptions::from(preset.config())))?;
-        let tree = Arc::new(tree);
+        let (name, build) = (preset.name().to_owned(), BuildOptions::from(preset.config()));
+        if let Some(places) = &places {
+            let own = instances::scene(&mesh, places)?;
+            let how = (&build, options.single);
+            let (contestant, built) = instances::ours(name, &backend, &own, how, pool)?;
+            let bytes = built.scene().bytes_beside_geometries();
+            println!(
+                "  {}: {} bytes, {bytes} of them beside the mesh",
+                preset.name(),
+                built.scene().bytes()
+            );
+            contestants.push(contestant);
+            continue;
+        }
+        let tree = Arc::new(pool.install(|| backend.build_accelerator(&mesh, &build))?);
         for &accuracy in &options.accuracies {
             let name = match options.accuracies.len() {
-                1 => preset.name().into(),
-                _ => format!("{} {}", preset.name(), accuracy.name()),
+                1 => name.clone(),
+                _ => format!("{} {}", name, accuracy.name()),
             };
             contestants.push(if options.single {
                 one_by_one(name, tree.clone(), accuracy)
@@ -221,6 +243,70 @@ where
         closest: Box::new(move |_, hits| packets.borrow_mut().closest(embree, hits)),
         any: Box::new(move |_, hits| same.borrow_mut().any(embree, hits)),
     }
+}
+
+/// The sets of rays through the mesh, or through its copies.
+fn rays_through(
+    mesh: &Mesh<'_>,
+    bounds: &Aabb,
+    places: Option<&[Transform]>,
+    interior: bool,
+) -> Result<[Vec<Ray>; 4], Problem> {
+    let (backend, options) = (CpuBackend::new(), BuildOptions::from(Preset::Fast.config()));
+    let triangle =
+        |hit: &SceneHit| mesh.triangle(hit.triangle as usize).map(|corner| corner.map(f64::from));
+    let Some(places) = places else {
+        let tree = backend.build_accelerator(mesh, &options)?;
+        let seen = |rays: &[Ray]| {
+            let mut hits = vec![Hit::MISS; rays.len()];
+            tree.closest_hits(rays, &mut hits, &QueryOptions::default())?;
+            let of = |hit| SceneHit::of(hit, GeometryId(0), InstanceId(0));
+            Ok(hits.iter().map(of).collect())
+        };
+        return Ok(rays::sets(bounds, interior, seen, triangle)?);
+    };
+    let tree = backend.build_scene(&instances::scene(mesh, places)?, &options)?;
+    let seen = |rays: &[Ray]| {
+        let mut hits = vec![SceneHit::MISS; rays.len()];
+        tree.closest_hits(rays, &mut hits, &SceneOptions::default()).map(|_| hits)
+    };
+    let face = |hit: &SceneHit| {
+        let place = &places[hit.instance as usize];
+        triangle(hit).map(|corner| instances::in_world(place, corner))
+    };
+    Ok(rays::sets(&instances::bounds(bounds, places), false, seen, face)?)
+}
+
+/// Prints what it takes to place all instances and to build the tree over them, for both in turns.
+fn place_in_turns(
+    embree: &mut Embree,
+    backend: &CpuBackend,
+    mesh: &Mesh<'_>,
+    places: &[Transform],
+    (options, pool): (&Options, &rayon::ThreadPool),
+) -> Result<(), Problem> {
+    let build = BuildOptions::from(Preset::Fast.config());
+    let mut rounds = Vec::new();
+    if options.count {
+        // Without a clock, which does not run under Valgrind.
+        return Ok(embree.place(places, |commit| commit())?);
+    }
+    for round in 0..=options.rounds {
+        let theirs = embree.place(places, |commit| {
+            let before = cpu_time();
+            commit();
+            cpu_time() - before
+        })?;
+        let ours = instances::placing(backend, mesh, places, &build, pool)?;
+        // The first warms up.
+        if round > 0 {
+            rounds.push([theirs, ours].map(|time| time.as_secs_f64() * 1e3));
+        }
+    }
+    let [theirs, ours] = [0, 1].map(|one| median(rounds.iter().map(|round| round[one])));
+    let ratio = median(rounds.iter().map(|[theirs, ours]| theirs / ours));
+    println!("  top tree          Embree {theirs:.2} ms  ours {ours:.2} ms, {ratio:.2}");
+    Ok(())
 }
 
 /// A tree of ours.

@@ -2,16 +2,15 @@
 //! + - * / and roots, rounded once.
 
 use splitplane_core::aabb::Aabb;
-use splitplane_core::backend::Accelerator;
 use splitplane_core::error::QueryError;
-use splitplane_core::mesh::Mesh;
-use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::ray::Ray;
+use splitplane_core::scene::SceneHit;
 
 pub(crate) const SETS: [&str; 4] = ["primary", "shadow", "bounce", "chords"];
 /// Pixels on a side, and the root of the number of chords.
 const SIDE: usize = 1024;
 const FAR: f32 = 1e30;
-type Vector = [f64; 3];
+pub(crate) type Vector = [f64; 3];
 
 /// Camera and light.
 struct View {
@@ -23,20 +22,17 @@ struct View {
     diagonal: f64,
 }
 
-/// The sets, in the order of [`SETS`]. `interior` says that the camera stands within the scene.
+/// The sets, in the order of [`SETS`]. `interior` says that the camera stands within the scene, `seen` what rays hit, and `face` which
+/// triangle a hit is on.
 ///
 /// # Errors
 /// Where a query fails.
 pub(crate) fn sets(
-    mesh: &Mesh<'_>,
     bounds: &Aabb,
-    tree: &dyn Accelerator,
     interior: bool,
+    seen: impl Fn(&[Ray]) -> Result<Vec<SceneHit>, QueryError>,
+    face: impl Fn(&SceneHit) -> [Vector; 3],
 ) -> Result<[Vec<Ray>; 4], QueryError> {
-    let seen = |rays: &[Ray]| {
-        let mut hits = vec![Hit::MISS; rays.len()];
-        tree.closest_hits(rays, &mut hits, &QueryOptions::default()).map(|_| hits)
-    };
     let (lo, hi) = (wide(bounds.lo), wide(bounds.hi));
     let (centre, size) = (scaled(add(lo, hi), 0.5), sub(hi, lo));
     let diagonal = dot(size, size).sqrt();
@@ -50,10 +46,10 @@ pub(crate) fn sets(
         diagonal,
     };
     if interior {
-        view.move_inside(mesh, lo, size, seen)?;
+        view.move_inside(lo, size, &seen, &face)?;
     }
     let primary = view.primary(SIDE);
-    let [shadow, bounce] = view.secondary(mesh, &primary, &seen(&primary)?);
+    let [shadow, bounce] = view.secondary(face, &primary, &seen(&primary)?);
     Ok([primary, shadow, bounce, view.chords()])
 }
 
@@ -61,10 +57,10 @@ impl View {
     /// The first place that sees some way and some detail, and the first light that reaches a fair part of it.
     fn move_inside(
         &mut self,
-        mesh: &Mesh<'_>,
         lo: Vector,
         size: Vector,
-        seen: impl Fn(&[Ray]) -> Result<Vec<Hit>, QueryError>,
+        seen: impl Fn(&[Ray]) -> Result<Vec<SceneHit>, QueryError>,
+        face: impl Fn(&SceneHit) -> [Vector; 3],
     ) -> Result<(), QueryError> {
         let middle = [self.centre[0], lo[1] + 0.4 * size[1], self.centre[2]];
         (self.eye, self.forward, self.half) = (middle, [1.0, 0.0, 0.0], 0.767_326_987_978_960_2);
@@ -98,7 +94,7 @@ impl View {
         for step in 0..12 {
             let (height, before) = (0.85 - 0.05 * f64::from(step), self.light);
             self.light[1] = lo[1] + height * size[1];
-            let [shadow, _] = self.secondary(mesh, &rays, &hits);
+            let [shadow, _] = self.secondary(&face, &rays, &hits);
             let dark = seen(&shadow)?.iter().filter(|hit| hit.is_hit()).count();
             if dark as f64 <= 0.75 * shadow.len() as f64 {
                 break;
@@ -121,14 +117,18 @@ impl View {
     }
 
     /// From what rays hit, moved off it: to the light, and off the surface, cosine-weighted.
-    fn secondary(&self, mesh: &Mesh<'_>, rays: &[Ray], hits: &[Hit]) -> [Vec<Ray>; 2] {
+    fn secondary(
+        &self,
+        face: impl Fn(&SceneHit) -> [Vector; 3],
+        rays: &[Ray],
+        hits: &[SceneHit],
+    ) -> [Vec<Ray>; 2] {
         let (mut shadow, mut bounce) = (Vec::new(), Vec::new());
         for (number, (ray, hit)) in rays.iter().zip(hits).enumerate() {
             if !hit.is_hit() {
                 continue;
             }
-            let [a, b, c] = mesh.triangle(hit.triangle as usize);
-            let [a, b, c] = [wide(a), wide(b), wide(c)];
+            let [a, b, c] = face(hit);
             let mut normal = unit(cross(sub(b, a), sub(c, a)));
             let along = wide(ray.direction);
             if dot(normal, along) > 0.0 {
@@ -167,13 +167,13 @@ impl View {
 }
 
 /// PCG-XSH-RR 64/32, a stream for each ray.
-struct Random {
+pub(crate) struct Random {
     state: u64,
     step: u64,
 }
 
 impl Random {
-    fn new(seed: u64, stream: u64) -> Random {
+    pub(crate) fn new(seed: u64, stream: u64) -> Random {
         let mut random = Random { state: 0, step: stream << 1 | 1 };
         random.next();
         random.state = random.state.wrapping_add(seed);
@@ -188,7 +188,7 @@ impl Random {
     }
 
     /// From -1 to 1.
-    fn signed(&mut self) -> f64 {
+    pub(crate) fn signed(&mut self) -> f64 {
         f64::from(self.next() >> 8) * (1.0 / 8_388_608.0) - 1.0
     }
 
@@ -202,7 +202,7 @@ impl Random {
         }
     }
 
-    fn in_disk(&mut self) -> (f64, f64) {
+    pub(crate) fn in_disk(&mut self) -> (f64, f64) {
         loop {
             let (x, y) = (self.signed(), self.signed());
             if x * x + y * y <= 1.0 {
@@ -216,23 +216,23 @@ fn narrow(origin: Vector, direction: Vector) -> Ray {
     Ray::new(origin.map(|x| x as f32), direction.map(|x| x as f32))
 }
 
-fn wide(v: [f32; 3]) -> Vector {
+pub(crate) fn wide(v: [f32; 3]) -> Vector {
     v.map(f64::from)
 }
 
-fn add(a: Vector, b: Vector) -> Vector {
+pub(crate) fn add(a: Vector, b: Vector) -> Vector {
     std::array::from_fn(|i| a[i] + b[i])
 }
 
-fn sub(a: Vector, b: Vector) -> Vector {
+pub(crate) fn sub(a: Vector, b: Vector) -> Vector {
     std::array::from_fn(|i| a[i] - b[i])
 }
 
-fn scaled(v: Vector, by: f64) -> Vector {
+pub(crate) fn scaled(v: Vector, by: f64) -> Vector {
     v.map(|x| x * by)
 }
 
-fn dot(a: Vector, b: Vector) -> f64 {
+pub(crate) fn dot(a: Vector, b: Vector) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 

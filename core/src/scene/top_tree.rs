@@ -128,6 +128,11 @@ impl TopTree {
         self.depth
     }
 
+    /// The most that a box is widened by, per unit of a ray's origin.
+    pub fn reach(&self) -> f32 {
+        self.nodes.first().map_or(0.0, |root| root.reach.into_iter().fold(0.0, max))
+    }
+
     /// The box of all instances, without what it is widened by for a ray.
     pub fn bounds(&self) -> Aabb {
         self.nodes.first().map_or(Aabb::EMPTY, |root| root.whole_box().bounds)

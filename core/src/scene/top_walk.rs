@@ -11,13 +11,6 @@ use crate::ray::Ray;
 /// Entries of a stack that serves every tree.
 pub const WIDEST_STACK: usize = (WIDTH - 1) * LEVELS + 1;
 
-/// Components of a direction are taken to be at least this part of the greatest.
-const DIRECTION_LEAST: f32 = 8.271_806e-25; // 2^-80
-/// Rays whose direction is longer, or shorter than the reciprocal, enter every instance.
-const DIRECTION_MOST: f32 = 1.099_511_6e12; // 2^40
-/// Rays from farther away enter every instance.
-const ORIGIN_MOST: f32 = 1.152_921_5e18; // 2^60
-
 /// A ray, ready for the tree over instances.
 ///
 /// It enters a child's box at the greatest, over the axes, of the lesser of `((lo - reach distance) - origin) reciprocal` and
@@ -38,6 +31,13 @@ pub struct TopRay {
 }
 
 impl TopRay {
+    /// Components of a direction are taken to be at least this part of the greatest: 2^-80.
+    pub const DIRECTION_LEAST: f32 = 8.271_806e-25;
+    /// Rays whose direction is longer, or shorter than the reciprocal, enter every instance: 2^40.
+    pub const DIRECTION_MOST: f32 = 1.099_511_6e12;
+    /// Rays from farther away enter every instance: 2^60.
+    pub const ORIGIN_MOST: f32 = 1.152_921_5e18;
+
     /// A ray that can be traced; `None` for one that hits nothing: an origin or a direction that is not finite, a zero
     /// direction, no `t` between the limits.
     #[inline]
@@ -55,15 +55,21 @@ impl TopRay {
         if !(finite & some_t) || length == 0.0 {
             return None;
         }
-        let tame =
-            (1.0 / DIRECTION_MOST..=DIRECTION_MOST).contains(&length) && distance <= ORIGIN_MOST;
-        let least = length * DIRECTION_LEAST;
+        let tame = (1.0 / Self::DIRECTION_MOST..=Self::DIRECTION_MOST).contains(&length)
+            && distance <= Self::ORIGIN_MOST;
+        let least = length * Self::DIRECTION_LEAST;
         let mut reciprocal = [0.0; 3];
         for (to, &along) in reciprocal.iter_mut().zip(&ray.direction) {
             *to = 1.0 / if along.abs() < least { least } else { along };
         }
-        let t_min = (ray.t_min - ray.t_min.abs() * STOP_SLACK) - f32::MIN_POSITIVE;
+        let t_min = TopRay::start_before(ray.t_min);
         Some(TopRay { origin: ray.origin, reciprocal, distance, t_min, tame })
+    }
+
+    /// Before this no box can have a hit at `t_min` or later.
+    #[inline]
+    pub fn start_before(t_min: f32) -> f32 {
+        (t_min - t_min.abs() * STOP_SLACK) - f32::MIN_POSITIVE
     }
 
     /// Beyond this no box can have a hit at `t_max` or before: the `t` of a hit may be off by half of `STOP_SLACK`, and one below

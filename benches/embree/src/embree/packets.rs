@@ -109,13 +109,13 @@ pub(crate) trait Of<const N: usize> {
 
 impl Of<16> for Embree {
     fn queries(&self) -> (Query<16>, Query<16>) {
-        self.by_16
+        self.calls.by_16
     }
 }
 
 impl Of<8> for Embree {
     fn queries(&self) -> (Query<8>, Query<8>) {
-        self.by_8
+        self.calls.by_8
     }
 }
 

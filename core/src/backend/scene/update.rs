@@ -300,6 +300,10 @@ impl BuiltScene {
             return self.place_all(scene, names.into_iter(), plan, options);
         }
         let names = scene.instance_names().max(self.placements.len()) as u32;
+        if self.placements.is_empty() {
+            // All are new: a list that grows would be copied again and again.
+            reserve(&mut plan.placements, scene.len())?;
+        }
         self.place_all(scene, (0..names).map(InstanceId), plan, options)
     }
 
@@ -412,6 +416,7 @@ impl BuiltScene {
         replaced: &[(InstanceId, Option<Placement>)],
     ) -> Result<TopTree, SceneBuildError> {
         let mut boxes: Vec<(u32, WorldBox)> = Vec::new();
+        reserve(&mut boxes, replaced.len())?;
         let mut next = replaced.iter().peekable();
         for name in 0..names.max(self.placements.len()) as u32 {
             let placement = match next.next_if(|(replaced, _)| replaced.0 == name) {

@@ -1,0 +1,185 @@
+//! Rays of a batch that go the same way, as many as are prepared at once: found in the tree over instances together, and made ready
+//! together in each instance that some of them enter.
+//!
+//! A node's boxes are tested for all rays at once, by the intervals in which their origins and reciprocals lie; a child that any of them may meet is
+//! tested by each, as many as a vector has lanes at a time, when its turn comes. The rays that meet an instance's box go into its space and are
+//! prepared by vectors, and take their steps in the mesh in turn. The roundings of
+//! intervals are those of the core's test of a box, so no ray misses an instance that could have a hit, and hits do not depend on the way.
+
+mod way;
+
+use core::marker::PhantomData;
+use std::collections::TryReserveError;
+
+use splitplane_core::backend::scene::{Asked, BuiltScene, SceneAnswer, seen_by};
+use splitplane_core::query::traverse::Query;
+use splitplane_core::ray::{Hit, Ray, Rays};
+use splitplane_core::scene::{InstanceId, SceneOptions, TOP_WIDTH};
+
+use self::way::{Entry, Way, range};
+use super::parts::{Geometries, Reached};
+use super::seen::WorldRay;
+use super::stream::Found;
+use super::top_walk::ALIKE_MOST;
+use crate::memory::{boxed, lengthen};
+use crate::simd::{Compiled, Simd};
+use crate::trace::batch::{Answers, RayBatch};
+use crate::trace::bunch::{FlyReady, ReadyMany};
+use crate::trace::prepare::CHUNK;
+use crate::trace::stream::Flight;
+
+/// So few rays are prepared one by one.
+const FEW: u32 = 8;
+
+/// Memory, kept from one to the next.
+pub(super) struct Room {
+    flight: Box<Flight>,
+    stack: Vec<Entry>,
+    way: Box<Way>,
+}
+
+impl Room {
+    /// For a scene whose tree over instances needs so many entries, and whose meshes so many.
+    ///
+    /// # Errors
+    /// No memory.
+    pub(super) fn new(top: usize, room: usize) -> Result<Room, TryReserveError> {
+        let mut stack = Vec::new();
+        lengthen(&mut stack, top + TOP_WIDTH, Entry::NONE)?;
+        Ok(Room { flight: Flight::borrow(room)?, stack, way: boxed(|| Way::NONE)? })
+    }
+
+    /// Gives the memory of flights back.
+    pub(super) fn give_back(self) {
+        self.flight.give_back();
+    }
+}
+
+/// Rays, as many as are prepared at once.
+pub(super) struct Together<'a, 'b, T, L> {
+    pub(super) scene: &'a BuiltScene,
+    pub(super) geometries: &'b Geometries<'a>,
+    pub(super) options: &'a SceneOptions<'a>,
+    pub(super) rays: &'b [Ray],
+    pub(super) answers: &'b mut [T],
+    pub(super) room: &'b mut Room,
+    pub(super) of: PhantomData<L>,
+}
+
+impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for Together<'a, '_, T, L> {
+    /// How many instances they entered, all together; `None`, and nothing is answered, where they do not go the same way.
+    type Output = Option<u64>;
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn run<S: Simd>(self) -> Option<u64> {
+        let Together { scene, geometries, options, rays, answers, room, .. } = self;
+        let Room { flight, stack, way } = room;
+        let tree = scene.top_tree();
+        let (nodes, reach, bounds) = (tree.nodes(), tree.reach(), tree.bounds());
+        let mut extents = 0.0;
+        for axis in 0..3 {
+            extents += bounds.hi[axis] - bounds.lo[axis];
+        }
+        if nodes.is_empty() || reach > ALIKE_MOST {
+            return None;
+        }
+        // SAFETY: the caller's contract.
+        if !unsafe { way.take::<S>(rays, (reach, extents)) } {
+            return None;
+        }
+        answers.fill(T::NONE);
+        let mut entered = 0;
+        let stack = stack.as_mut_ptr();
+        let mut seen = [[0.0; CHUNK]; 8];
+        // SAFETY: the caller's contract; the tree's nodes, and a stack for it.
+        let mut top = unsafe { way.step::<S::Eight>(&nodes[0], 0, stack) };
+        // SAFETY: as above.
+        while let Some((name, met)) = unsafe { way.next::<S>(nodes, stack, &mut top) } {
+            let instance = InstanceId(name);
+            let Some(placement) = scene.placement(instance) else { continue };
+            let Some(asked) = Asked::of(instance, placement, options) else { continue };
+            let geometry = placement.instance.geometry;
+            let Some(reached) = geometries.get(geometry) else { continue };
+            let query = options.of_geometry(asked.culling, asked.ignore, None);
+            let (mut hits, mut any) = ([Hit::MISS; CHUNK], [false; CHUNK]);
+            match reached {
+                Reached::Shapes(shapes) => {
+                    for lane in lanes_of(met) {
+                        let seen = seen_by(placement, &rays[lane], &answers[lane].best());
+                        hits[lane] = shapes.trace(&seen, &query, T::QUERY, |_| true);
+                        any[lane] = hits[lane].is_hit();
+                    }
+                }
+                Reached::Triangles(accelerator) => {
+                    let (layout, scale) = accelerator.parts();
+                    let Some(leaves) = L::of(layout) else { continue };
+                    if layout.wide.lines().is_empty() {
+                        continue;
+                    }
+                    let batch = RayBatch {
+                        layout,
+                        scene: scale,
+                        rays: Rays::Records(&[]),
+                        options: &query,
+                        query: T::QUERY,
+                    };
+                    let mut to = match T::QUERY {
+                        Query::Any => Answers::Any(&mut any),
+                        Query::Closest => Answers::Hits(&mut hits),
+                    };
+                    // SAFETY: the caller's contract.
+                    unsafe {
+                        let many = met.count_ones() > FEW && placement.ordinary;
+                        let special = if many {
+                            way.seen_by::<S>(placement, &mut seen);
+                            S::call(ReadyMany { flight, batch: &batch, rows: &seen, asked: met })
+                        } else {
+                            let mut special = 0;
+                            for lane in lanes_of(met) {
+                                let limits = [way.t_min[lane], way.limit[lane]];
+                                let seen = WorldRay::new(&rays[lane]).seen_by(placement, limits);
+                                special |= flight.ready_one::<S>(&batch, &seen, lane) << lane;
+                            }
+                            special
+                        };
+                        for lane in lanes_of(special) {
+                            let seen = &seen_by(placement, &rays[lane], &answers[lane].best());
+                            flight.ready_special::<S>(&batch, seen, lane, &mut to);
+                        }
+                        let (batch, answers) = (&batch, &mut to);
+                        S::call(FlyReady { flight, batch, leaves, answers });
+                    }
+                }
+            }
+            entered += u64::from(met.count_ones());
+            let mut better = false;
+            for lane in lanes_of(met) {
+                let hit = match T::QUERY {
+                    Query::Any if any[lane] => Hit { t: 0.0, triangle: 0, u: 0.0, v: 0.0 },
+                    Query::Any => continue,
+                    Query::Closest => hits[lane],
+                };
+                better |= way.improve(
+                    &mut answers[lane],
+                    (&rays[lane], lane),
+                    &hit,
+                    (geometry, instance),
+                );
+            }
+            if better {
+                way.all.stop = range(&way.stop)[1];
+            }
+        }
+        Some(entered)
+    }
+}
+
+/// The lanes of bits.
+#[cfg_attr(not(unoptimised), inline(always))]
+fn lanes_of(mut bits: u32) -> impl Iterator<Item = usize> {
+    core::iter::from_fn(move || {
+        let lane = bits.trailing_zeros() as usize;
+        bits &= bits.wrapping_sub(1);
+        (lane < CHUNK).then_some(lane)
+    })
+}
