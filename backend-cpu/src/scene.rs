@@ -24,6 +24,7 @@ use crate::near::in_order::{Parts, answer_in_order};
 use crate::simd::InstructionSet;
 
 mod counting;
+mod found;
 mod overlaps;
 mod parts;
 mod seen;

@@ -17,17 +17,17 @@ use splitplane_core::scene::{
 };
 
 use super::counting::{Counting, EveryHit, KeptHits};
+use super::found::Found;
 use super::parts::{Geometries, Reached, all_count};
 use super::seen::WorldRay;
 use super::together::{Room, Together};
 use super::top_walk::{VectorRay, next};
-use crate::layout::tree_layout::TreeLayout;
 use crate::layout::wide_node::{CacheLine, DONE};
 use crate::memory::lengthen;
 use crate::simd::{Compiled, Simd, prefetch};
 use crate::trace::block_test::BestHit;
 use crate::trace::keep::Keep;
-use crate::trace::leaves::{IndexedLeaves, Leaves, PackedLeaves};
+use crate::trace::leaves::{IndexedLeaves, PackedLeaves};
 use crate::trace::prepare::CHUNK;
 use crate::trace::prepare_one::Readiness;
 use crate::trace::queues::{FLIGHT, Queues, Turn};
@@ -44,25 +44,8 @@ pub(super) struct SceneStream<'a, T> {
     pub(super) options: &'a SceneOptions<'a>,
 }
 
-/// Layouts whose leaves are found in one way.
-pub(super) trait Found<'a>: Leaves {
-    /// The leaves of a layout of this kind.
-    fn of(layout: &'a TreeLayout) -> Option<Self>;
-}
-
-impl<'a> Found<'a> for PackedLeaves<'a> {
-    #[cfg_attr(not(unoptimised), inline(always))]
-    fn of(layout: &'a TreeLayout) -> Option<PackedLeaves<'a>> {
-        Some(PackedLeaves::new(layout))
-    }
-}
-
-impl<'a> Found<'a> for IndexedLeaves<'a> {
-    #[cfg_attr(not(unoptimised), inline(always))]
-    fn of(layout: &'a TreeLayout) -> Option<IndexedLeaves<'a>> {
-        IndexedLeaves::of(layout)
-    }
-}
+/// Whether rays that go the same way are followed together. A page loads what that takes, a tenth of all it loads for rays: there they are not.
+const TOGETHER: bool = !cfg!(target_family = "wasm");
 
 impl<T: SceneAnswer> Compiled for SceneStream<'_, T> {
     /// An error where there is no memory for the rays under way.
@@ -178,8 +161,11 @@ impl<'a, T: SceneAnswer, L: Found<'a>, C: Counting> Compiled for Flying<'a, T, L
             };
         }
         let usual = C::Keep::ALL && options.accuracy == Accuracy::Watertight;
-        let mut together =
-            if usual && rays.len() >= CHUNK { Some(Room::new(top_room, room)?) } else { None };
+        let mut together = if TOGETHER && usual && rays.len() >= CHUNK {
+            Some(Room::new(top_room, room)?)
+        } else {
+            None
+        };
         let (nodes, reach) = (scene.top_tree().nodes(), scene.top_tree().reach());
         let placements = scene.all_placements();
         let (mut following, mut entered) = (0usize, 0u64);
@@ -198,7 +184,8 @@ impl<'a, T: SceneAnswer, L: Found<'a>, C: Counting> Compiled for Flying<'a, T, L
                             answers[lane.index as usize] = lane.answer;
                             lane.index = RayState::NO_RAY;
                         }
-                        while following % CHUNK == 0
+                        while TOGETHER
+                            && following % CHUNK == 0
                             && let Some(room) = &mut together
                             && let Some(rays) = rays[following..].get(..CHUNK)
                         {

@@ -17,9 +17,9 @@ use splitplane_core::ray::{Hit, Ray, Rays};
 use splitplane_core::scene::{InstanceId, SceneOptions, TOP_WIDTH};
 
 use self::way::{Entry, Way, range};
+use super::found::Found;
 use super::parts::{Geometries, Reached};
 use super::seen::WorldRay;
-use super::stream::Found;
 use super::top_walk::ALIKE_MOST;
 use crate::memory::{boxed, lengthen};
 use crate::simd::{Compiled, Simd};

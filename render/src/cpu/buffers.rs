@@ -1,6 +1,6 @@
 //! The memory of a frame, kept between frames.
 
-use super::kernels::by_light::ByLight;
+use super::by_light::ByLight;
 use crate::kernel::Buffer;
 use crate::layout::{Counters, FirstCost, FirstHit, Path, Spawned, Surface};
 use crate::plan::Plan;

@@ -2,6 +2,7 @@
 //! [`Accelerator`](splitplane_core::backend::Accelerator).
 
 mod buffers;
+mod by_light;
 mod executor;
 mod kernels;
 mod photons;

@@ -16,6 +16,7 @@ use crate::trace::prepare::{CHUNK, PerRay, RECORD};
 const SLOPE_SPREAD: f32 = 0.4;
 /// Their origins differ by less than this part of the extents of all instances together.
 const ORIGIN_SPREAD: f32 = 1.0;
+
 /// A child of a node that some ray may enter.
 #[derive(Clone, Copy)]
 pub(super) struct Entry {

@@ -3,7 +3,6 @@
 pub(crate) mod accumulate;
 pub(crate) mod begin_slice;
 pub(crate) mod begin_wave;
-pub(crate) mod by_light;
 pub(crate) mod camera_rays;
 pub(crate) mod first_costs;
 pub(crate) mod first_hits;

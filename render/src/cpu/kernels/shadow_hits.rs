@@ -1,6 +1,6 @@
 //! Removes the light of shadow rays that hit something.
 
-use super::by_light::ByLight;
+use crate::cpu::by_light::ByLight;
 use crate::cpu::scatter::by_chunk;
 use crate::cpu::traced::Traced;
 use crate::layout::{Spawned, Surface};

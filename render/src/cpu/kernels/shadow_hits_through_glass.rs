@@ -1,8 +1,8 @@
 //! Removes the light of shadow rays that hit something opaque; clear surfaces only tint it. Light
 //! goes straight through them: no lens gathers it.
 
-use super::by_light::ByLight;
 use super::shadow_hits::Input;
+use crate::cpu::by_light::ByLight;
 use crate::cpu::traced::Traced;
 use crate::scene_data::DIELECTRIC;
 use crate::scene_words::SceneWords;

@@ -37,7 +37,7 @@ fn bundle(random: &mut Random, tree: &TopTree) -> Vec<Ray> {
     let bounds = tree.bounds();
     let mut point = || [0, 1, 2].map(|k| random.between(bounds.lo[k].into(), bounds.hi[k].into()));
     let (from, to) = (point(), point());
-    let size = 0.02 * (0..3).map(|k| f64::from(bounds.hi[k] - bounds.lo[k])).sum::<f64>();
+    let size = 0.002 * (0..3).map(|k| f64::from(bounds.hi[k] - bounds.lo[k])).sum::<f64>();
     let ray = |_| {
         let mut near = |at: [f64; 3]| at.map(|x| (x + size * random.between(-1.0, 1.0)) as f32);
         let (origin, to) = (near(from), near(to));
