@@ -60,18 +60,17 @@ impl Compiled for Single<'_> {
                 Readiness::Special => return S::call(Unusual(self)),
             }
             let leaves = PackedLeaves::new(layout);
-            // Each query by itself: in what it does nothing asks which one it is.
-            let single = match query {
-                Query::Closest => Single { query: Query::Closest, ..self },
-                Query::Any => {
-                    let single = Single { query: Query::Any, ..self };
-                    return single.through_short::<S, _, _, true, ENTRIES>(
-                        leaves,
-                        &mut ray_state,
-                        KeepAll,
-                    );
-                }
-            };
+            // Each query by itself: in what it does nothing asks which one it is. A page would load both: there one answers both.
+            if query == Query::Any && !cfg!(target_family = "wasm") {
+                let single = Single { query: Query::Any, ..self };
+                return single.through_short::<S, _, _, true, ENTRIES>(
+                    leaves,
+                    &mut ray_state,
+                    KeepAll,
+                );
+            }
+            let query = if cfg!(target_family = "wasm") { query } else { Query::Closest };
+            let single = Single { query, ..self };
             single.through_short::<S, _, _, true, ENTRIES>(leaves, &mut ray_state, KeepAll)
         }
     }

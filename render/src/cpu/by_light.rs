@@ -1,11 +1,13 @@
 //! Shadow rays in another order for the queries: within a chunk of paths light by light. Where they are stored, the rays of one path
 //! stand side by side, each towards another light, so no packets are found among them. No answer depends on the order.
 
-use super::kernels::CHUNK;
 use crate::cpu::scatter::by_chunk;
 use crate::layout::{Spawned, Surface};
 use bytemuck::Zeroable;
 use splitplane_core::ray::Ray;
+
+/// Paths of a chunk.
+const CHUNK: usize = crate::kernel::CHUNK as usize;
 
 /// The most lights that a surface names.
 const LIGHTS: usize = u32::BITS as usize;

@@ -32,12 +32,11 @@ for_every_set! {
     }
 }
 
-/// Rays from about a point of a scene to about another.
-fn bundle(random: &mut Random, tree: &TopTree) -> Vec<Ray> {
-    let bounds = tree.bounds();
-    let mut point = || [0, 1, 2].map(|k| random.between(bounds.lo[k].into(), bounds.hi[k].into()));
-    let (from, to) = (point(), point());
-    let size = 0.002 * (0..3).map(|k| f64::from(bounds.hi[k] - bounds.lo[k])).sum::<f64>();
+/// Rays from about one object of a scene to about another.
+fn bundle(random: &mut Random, places: &[[f64; 3]]) -> Vec<Ray> {
+    let mut place = || places[random.below(places.len())];
+    let (from, to) = (place(), place());
+    let size = 0.01 * (0..3).map(|k| (to[k] - from[k]).abs()).fold(0.0, f64::max);
     let ray = |_| {
         let mut near = |at: [f64; 3]| at.map(|x| (x + size * random.between(-1.0, 1.0)) as f32);
         let (origin, to) = (near(from), near(to));
@@ -52,9 +51,13 @@ fn rays_enter_what_they_hit() {
     let (scene, _) = objects::scene(Kind::Ordinary, 70, 5);
     let built = CpuBackend::new().build_scene(&scene, &BuildOptions::default()).expect("a scene");
     let (built, mut random) = (built.scene(), Random::new(6));
+    let places: Vec<[f64; 3]> = (0..70)
+        .filter_map(|name| built.placement(InstanceId(name)))
+        .map(|placement| placement.instance.transform.map(|row| f64::from(row[3])))
+        .collect();
     let (mut together, mut hits, mut lost) = (0, 0, 0);
     for _ in 0..300 {
-        let rays = bundle(&mut random, built.top_tree());
+        let rays = bundle(&mut random, &places);
         for set in InstructionSet::available() {
             for fault in [false, true] {
                 let Some(found) = walked(set, built.top_tree(), &rays, fault) else { continue };
