@@ -40,6 +40,9 @@ pub(crate) struct Capacities {
     pub leaf_references: u32,
 }
 
+/// References of a triangle that the pool of the middle stage holds at the least: with less it is not tried.
+const LEAST_POOL: u64 = 6;
+
 /// `count * numerator / denominator + slack`, at most `u32::MAX`.
 fn share(count: u32, numerator: u64, denominator: u64, slack: u64) -> u32 {
     u32::try_from(u64::from(count) * numerator / denominator + slack).unwrap_or(u32::MAX)
@@ -380,6 +383,15 @@ impl Capacities {
             return Err(beyond(Buffer::Input, self.input_bytes / 4));
         }
         self = self.with_bounds(config);
+        if self.middle {
+            // Of its pool scenes have needed less than the estimate: one that a binding holds is tried, unless it has grown
+            // beyond that already.
+            let least = share(self.triangles, LEAST_POOL, 1, 16_384);
+            let most = most(Buffer::MiddleReferences);
+            if least <= most && needed.is_none_or(|needed| needed.middle_references <= most) {
+                self.middle_references = self.middle_references.min(most);
+            }
+        }
         // It can be left out.
         if self.middle && self.too_long_for_middle_stage(limits).is_some() {
             self.middle = false;

@@ -7,6 +7,7 @@ use splitplane_cpu::CpuAccelerator;
 use wgpu::BufferUsages as Usage;
 
 use crate::Failure;
+use crate::device::warm;
 use crate::options::Options;
 use crate::stats::{median, milliseconds};
 
@@ -80,10 +81,12 @@ pub(crate) fn measure(
     backend.recycle(first.tree);
     let mut times = Vec::new();
     if !run.check {
-        rebuild(backend, mesh, options, &mut Figures::default())?;
         cpu_backend.build_accelerator(mesh, options)?;
+        warm(backend.gpu(), || rebuild(backend, mesh, options, &mut Figures::default()))?;
         for _ in 0..run.reps {
             rebuild(backend, mesh, options, &mut figures)?;
+        }
+        for _ in 0..run.reps {
             let (built, ms) = milliseconds(|| cpu_backend.build_accelerator(mesh, options));
             built?;
             figures.cpu_ms.push(ms);
@@ -147,6 +150,7 @@ fn profile(
     reps: u32,
 ) -> Result<Vec<KernelTime>, Failure> {
     let mut all = Vec::new();
+    warm(backend.gpu(), || rebuild(backend, mesh, options, &mut Figures::default()))?;
     for _ in 0..reps {
         let built = backend.build_profiled(mesh, options)?;
         backend.recycle(built.tree);

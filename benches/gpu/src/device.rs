@@ -1,5 +1,7 @@
 //! The device: what it says of itself, what a copy and a dispatch cost on it, and a clock for commands.
 
+use std::time::{Duration, Instant};
+
 use serde::Serialize;
 use splitplane::gpu::{Gpu, GpuError, Parity, WgpuBackend};
 use wgpu::BufferUsages as Usage;
@@ -88,6 +90,23 @@ impl Span {
     }
 }
 
+/// How long a device works before it is timed. One that idles lowers its clock, to a fifth on some, and raises it again
+/// only while it is busy.
+const WARM: Duration = Duration::from_millis(300);
+
+/// Does the work again and again, until the device's clock is what it is under load. Software needs none of it.
+pub(crate) fn warm(
+    gpu: &Gpu,
+    mut work: impl FnMut() -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    let begun = Instant::now();
+    work()?;
+    while !gpu.is_software() && begun.elapsed() < WARM {
+        work()?;
+    }
+    Ok(())
+}
+
 /// Times commands on a device.
 #[derive(Debug)]
 pub(crate) struct Clock<'a> {
@@ -167,8 +186,10 @@ pub(crate) fn read_back(gpu: &Gpu, buffer: &wgpu::Buffer, bytes: u64) -> Result<
 pub(crate) struct Costs {
     /// Bytes of a copy from buffer to buffer.
     pub copied_bytes: u64,
-    /// Bytes read and written a second while copying, in units of 10^9.
+    /// Bytes read and written a second while the driver copies, in units of 10^9.
     pub copy_gb_per_s: f64,
+    /// The same while a kernel copies, four words a lane.
+    pub kernel_gb_per_s: f64,
     /// A dispatch of one workgroup that waits for the one before.
     pub dispatch_us: f64,
     /// A submission of nothing, until the host knows that it is done.
@@ -180,6 +201,17 @@ const COPIES: u32 = 8;
 /// Dispatches in a submission.
 const DISPATCHES: u32 = 512;
 
+const COPY: &str = "@group(0) @binding(0) var<storage, read> words: array<vec4<u32>>;
+@group(0) @binding(1) var<storage, read_write> copied: array<vec4<u32>>;
+@compute @workgroup_size(256)
+fn main(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    let at = id.x + id.y * groups.x * 256u;
+    if at < arrayLength(&words) { copied[at] = words[at]; }
+}";
+
 const EMPTY: &str = "@group(0) @binding(0) var<storage, read_write> word: array<u32>;
 @compute @workgroup_size(64)
 fn main(@builtin(local_invocation_index) lane: u32) {
@@ -189,7 +221,8 @@ fn main(@builtin(local_invocation_index) lane: u32) {
 impl Costs {
     pub(crate) fn measure(gpu: &Gpu, options: &Options) -> Result<Costs, Failure> {
         let limits = gpu.limits();
-        let copied_bytes = options.copied_bytes().min(limits.max_buffer_size) / 4 * 4;
+        let most = limits.max_buffer_size.min(limits.max_storage_buffer_binding_size);
+        let copied_bytes = options.copied_bytes().min(most) / 16 * 16;
         let reps = if options.check { 1 } else { options.reps.clamp(3, 21) };
         let clock = Clock::new(gpu);
         let repeated = |record: &dyn Fn(&mut wgpu::CommandEncoder)| -> Result<f64, Failure> {
@@ -200,18 +233,43 @@ impl Costs {
                 };
                 Ok(clock.time(recorded)?.best_ms())
             };
-            one()?;
+            warm(gpu, || one().map(|_| ()))?;
             let times: Result<Vec<f64>, Failure> = (0..reps).map(|_| one()).collect();
             Ok(median(&times?))
         };
 
-        let usage = Usage::COPY_SRC | Usage::COPY_DST;
+        let usage = Usage::COPY_SRC | Usage::COPY_DST | Usage::STORAGE;
         let a = gpu.buffer("copied", copied_bytes, usage)?;
         let b = gpu.buffer("copy", copied_bytes, usage)?;
         let copy_ms = repeated(&|encoder| {
             for copy in 0..COPIES {
                 let (from, to) = if copy % 2 == 0 { (&a, &b) } else { (&b, &a) };
                 encoder.copy_buffer_to_buffer(from, 0, to, 0, copied_bytes);
+            }
+        })?;
+
+        let pipeline = gpu.pipeline("copy", COPY)?;
+        let bound = |from: &wgpu::Buffer, to: &wgpu::Buffer| {
+            let resources = [from, to].map(wgpu::Buffer::as_entire_binding);
+            let entries = [0, 1].map(|binding: u32| wgpu::BindGroupEntry {
+                binding,
+                resource: resources[binding as usize].clone(),
+            });
+            gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
+                label: None,
+                layout: &pipeline.get_bind_group_layout(0),
+                entries: &entries,
+            })
+        };
+        let groups = [bound(&a, &b), bound(&b, &a)];
+        let workgroups = copied_bytes.div_ceil(16 * 256) as u32;
+        let rows = workgroups.div_ceil(limits.max_compute_workgroups_per_dimension);
+        let kernel_ms = repeated(&|encoder| {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            pass.set_pipeline(&pipeline);
+            for copy in 0..COPIES as usize {
+                pass.set_bind_group(0, &groups[copy % 2], &[]);
+                pass.dispatch_workgroups(workgroups.div_ceil(rows), rows, 1);
             }
         })?;
 
@@ -246,6 +304,7 @@ impl Costs {
         Ok(Costs {
             copied_bytes,
             copy_gb_per_s: moved / copy_ms * 1e-6,
+            kernel_gb_per_s: moved / kernel_ms * 1e-6,
             dispatch_us: dispatch_ms * 1e3 / f64::from(DISPATCHES),
             submission_us: median(&submissions?) * 1e3,
         })

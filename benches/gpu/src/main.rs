@@ -143,7 +143,7 @@ fn measure_scene(
     for set in &sets {
         for query in trace::Query::ALL {
             let figures = trace::measure(&built, set, query, options)?;
-            if (set.name, query) == ("primary", trace::Query::Closest) && !options.check {
+            if (set.name, query) == (rays::TILES, trace::Query::Closest) && !options.check {
                 measured.primary = Some(figures.resident_mrays());
             }
             report.trace(name, &figures)?;
@@ -195,7 +195,7 @@ impl Predictor {
             Err(error) => report.failure("chains", &error.to_string()).map(|()| None)?,
         };
         let mut found = vec![
-            ("copies, GB/s", costs.copy_gb_per_s),
+            ("copies, GB/s", costs.kernel_gb_per_s),
             ("a dispatch that waits for the one before, us", costs.dispatch_us),
         ];
         let ghz = self.devices.first().map_or(1.0, |device| device.clock.number);

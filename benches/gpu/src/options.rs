@@ -53,7 +53,7 @@ pub(crate) struct Options {
     /// Count nothing, and predict nothing
     #[arg(long, conflicts_with = "predict")]
     pub no_predict: bool,
-    /// Devices to predict for, separated by commas: h200, rtx-4070-ti, radeon-780m; by default the one at hand, or all
+    /// Devices to predict for, separated by commas: h200, h100, rtx-4070-ti, radeon-780m; by default the one at hand, or all
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub device: Vec<String>,
 }

@@ -12,6 +12,7 @@ use crate::count::table as counts;
 use crate::model::devices::{DEVICES, Device};
 use crate::model::{scale, table};
 use crate::options::Options;
+use crate::rays::in_tiles;
 
 /// Rays that predictions are about: a picture of 1920 by 1080.
 const RAYS: u64 = 1920 * 1080;
@@ -150,35 +151,4 @@ fn primary(
     let [width, height] = options.counted_picture();
     let placement = Placement::of(scene, &cpu, f64::from(width) / f64::from(height))?;
     Ok(in_tiles(&placement.camera.rays(width, height), width))
-}
-
-/// The rays of a picture, given row by row, in tiles of 8 by 4 pixels from the top left: the rays of a warp are then near
-/// one another. Tiles at the right and lower edge are cut.
-fn in_tiles(rays: &[Ray], width: u32) -> Vec<Ray> {
-    let mut order: Vec<usize> = (0..rays.len()).collect();
-    let width = width as usize;
-    order.sort_by_key(|pixel| {
-        let (row, column) = (pixel / width, pixel % width);
-        (row / 4, column / 8, row % 4, column % 8)
-    });
-    order.into_iter().map(|pixel| rays[pixel]).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_tile_is_eight_by_four_neighbours() {
-        let rays: Vec<Ray> =
-            (0..20 * 6u16).map(|i| Ray::new([f32::from(i); 3], [1.0; 3])).collect();
-        let tiled = in_tiles(&rays, 20);
-        let pixel = |at: usize| tiled[at].origin[0] as usize;
-        assert_eq!([pixel(0), pixel(7), pixel(8), pixel(31), pixel(32)], [0, 7, 20, 67, 8]);
-        // The third tile of a row is cut at 20 pixels.
-        assert_eq!([pixel(64), pixel(67), pixel(68), pixel(80)], [16, 19, 36, 80]);
-        let mut all: Vec<usize> = (0..tiled.len()).map(pixel).collect();
-        all.sort_unstable();
-        assert!(all.into_iter().eq(0..120));
-    }
 }

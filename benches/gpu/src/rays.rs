@@ -1,4 +1,4 @@
-//! Sets of rays: a camera's, those to the light, those that bounce off, and chords; or from files.
+//! Sets of rays: a camera's row by row and in tiles, those to the light, those that bounce off, and chords; or from files.
 
 use std::path::Path;
 
@@ -14,6 +14,8 @@ pub(crate) struct Set {
 }
 
 const NAMES: [&str; 4] = ["primary", "shadow", "bounce", "chords"];
+/// Rays of `primary` in another order, where they are made here.
+pub(crate) const TILES: &str = "tiles";
 
 /// Reads the sets that a folder has as `NAME.rays`.
 pub(crate) fn from_folder(folder: &Path) -> Result<Vec<Set>, Failure> {
@@ -35,7 +37,7 @@ pub(crate) fn from_folder(folder: &Path) -> Result<Vec<Set>, Failure> {
     Ok(sets)
 }
 
-/// Makes the sets: a ray through every pixel of a picture; from each point it sees one to the light,
+/// Makes the sets: a ray through every pixel of a picture, row by row and in tiles; from each point it sees one to the light,
 /// and one off the surface, cosine-weighted; and as many chords of the scene's sphere as pixels.
 pub(crate) fn made(
     scene: &Scene,
@@ -75,8 +77,24 @@ pub(crate) fn made(
             narrow(a, scaled(along, 1.0 / length(along).max(f64::MIN_POSITIVE)))
         })
         .collect();
+    let tiles = Set { name: TILES, rays: in_tiles(&primary, width) };
     let sets = [primary, shadow, bounce, chords];
-    Ok(NAMES.into_iter().zip(sets).map(|(name, rays)| Set { name, rays }).collect())
+    let mut sets: Vec<Set> =
+        NAMES.into_iter().zip(sets).map(|(name, rays)| Set { name, rays }).collect();
+    sets.insert(1, tiles);
+    Ok(sets)
+}
+
+/// The rays of a picture, given row by row, in tiles of 8 by 4 pixels from the top left: the rays of a warp are then near
+/// one another. Tiles at the right and lower edge are cut.
+pub(crate) fn in_tiles(rays: &[Ray], width: u32) -> Vec<Ray> {
+    let mut order: Vec<usize> = (0..rays.len()).collect();
+    let width = width as usize;
+    order.sort_by_key(|pixel| {
+        let (row, column) = (pixel / width, pixel % width);
+        (row / 4, column / 8, row % 4, column % 8)
+    });
+    order.into_iter().map(|pixel| rays[pixel]).collect()
 }
 
 /// Where a ray meets a surface, moved off it towards the ray, and the normal on that side.
@@ -168,4 +186,23 @@ fn cross(a: Vector, b: Vector) -> Vector {
 
 fn length(v: Vector) -> f64 {
     dot(v, v).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tile_is_eight_by_four_neighbours() {
+        let rays: Vec<Ray> =
+            (0..20 * 6u16).map(|i| Ray::new([f32::from(i); 3], [1.0; 3])).collect();
+        let tiled = in_tiles(&rays, 20);
+        let pixel = |at: usize| tiled[at].origin[0] as usize;
+        assert_eq!([pixel(0), pixel(7), pixel(8), pixel(31), pixel(32)], [0, 7, 20, 67, 8]);
+        // The third tile of a row is cut at 20 pixels.
+        assert_eq!([pixel(64), pixel(67), pixel(68), pixel(80)], [16, 19, 36, 80]);
+        let mut all: Vec<usize> = (0..tiled.len()).map(pixel).collect();
+        all.sort_unstable();
+        assert!(all.into_iter().eq(0..120));
+    }
 }

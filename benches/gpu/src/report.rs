@@ -111,10 +111,12 @@ impl Report {
         self.line("costs", None, costs)?;
         writeln!(
             self.adapter,
-            "Copies from buffer to buffer ({} MiB): {:.1} GB/s read and written. A dispatch that \
-             waits for the one before: {:.2} us. A submission of nothing: {:.0} us.",
+            "Copies from buffer to buffer ({} MiB): {:.1} GB/s read and written by the driver, {:.1} \
+             by a kernel. A dispatch that waits for the one before: {:.2} us. A submission of \
+             nothing: {:.0} us.",
             costs.copied_bytes >> 20,
             costs.copy_gb_per_s,
+            costs.kernel_gb_per_s,
             costs.dispatch_us,
             costs.submission_us,
         )?;
@@ -152,7 +154,7 @@ impl Report {
         )?;
         let Some(floor) = floor else { return Ok(()) };
         let bytes: u64 = floor.iter().map(|kernel| kernel.bytes).sum();
-        let floor_ms = |bytes: u64| bytes as f64 / costs.copy_gb_per_s * 1e-6;
+        let floor_ms = |bytes: u64| bytes as f64 / costs.kernel_gb_per_s * 1e-6;
         let launch_ms = f64::from(of.dispatches) * costs.dispatch_us * 1e-3;
         writeln!(
             self.builds,
@@ -259,6 +261,18 @@ impl Report {
              billion instructions a second, of 32 lanes each.",
             of.step_ns, of.load_ns, of.barrier_ns, of.giga_instructions,
         )?;
+        if !of.resident.is_empty() {
+            let resident: Vec<_> = of
+                .resident
+                .iter()
+                .map(|(bytes, groups)| format!("{groups:.0} with {bytes} bytes of memory"))
+                .collect();
+            writeln!(
+                self.adapter,
+                "Workgroups of 64 on the device at a time: {}.",
+                resident.join(", ")
+            )?;
+        }
         Ok(())
     }
 

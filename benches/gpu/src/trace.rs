@@ -8,7 +8,7 @@ use wgpu::BufferUsages as Usage;
 
 use crate::Failure;
 use crate::build::Built;
-use crate::device::{Clock, Span, read_back};
+use crate::device::{Clock, Span, read_back, warm};
 use crate::options::Options;
 use crate::rays::Set;
 use crate::stats::{median, milliseconds};
@@ -186,10 +186,13 @@ pub(crate) fn measure(
     let wanted = FILLED_MS / first.best_ms().max(1e-3);
     figures.dispatches = wanted.ceil().clamp(1.0, MOST_DISPATCHES) as u32;
     let each = 1e-3 / f64::from(figures.dispatches);
+    warm(gpu, || resident.trace(figures.dispatches).map(|_| ()))?;
     for _ in 0..options.reps {
         let span = resident.trace(figures.dispatches)?;
         figures.resident_wall_s.push(span.wall_ms * each);
         figures.resident_device_s.extend(span.device_ms.map(|ms| ms * each));
+    }
+    for _ in 0..options.reps {
         let (done, ms) = milliseconds(|| of_gpu.trace(&built.gpu, rays));
         done?;
         figures.host_s.push(ms * 1e-3);

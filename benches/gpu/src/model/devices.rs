@@ -61,7 +61,7 @@ const ADA: &str = "NVIDIA, Ada GPU Architecture whitepaper";
 const RDNA: &str = "AMD, RDNA 3 Instruction Set Architecture; HIP hardware table";
 
 /// All devices; the first is the default.
-pub(crate) const DEVICES: [Device; 3] = [
+pub(crate) const DEVICES: [Device; 4] = [
     Device {
         name: "h200",
         adapter: "H200",
@@ -69,6 +69,25 @@ pub(crate) const DEVICES: [Device; 3] = [
         multiprocessors: of(132.0, "NVIDIA, H100 whitepaper: SXM5, the same chip"),
         clock: of(1.755, "assumed under load; NVIDIA names 1.98 as the most"),
         bandwidth: of(4300.0, "assumed: 90 % of the 4.8 TB/s of NVIDIA's H200 datasheet"),
+        schedulers: of(4.0, TUNING),
+        issue: of(0.6, GUESS),
+        warps: of(64.0, TUNING),
+        workgroups: of(32.0, TUNING),
+        registers: of(65_536.0, TUNING),
+        shared: of(233_472.0, TUNING),
+        step: of(4.0, "assumed: 4 cycles of a dependent operation since Volta"),
+        load: of(270.0, "assumed: a hit in L2, of the order of arXiv:2402.13499"),
+        dependent: of(0.5, GUESS),
+        barrier: of(30.0, GUESS),
+        dispatch: of(3.0, GUESS),
+    },
+    Device {
+        name: "h100",
+        adapter: "H100",
+        compiler: Compiler::Cuda,
+        multiprocessors: of(132.0, "NVIDIA, H100 whitepaper: SXM5"),
+        clock: of(1.755, "assumed under load; NVIDIA names 1.98 as the most"),
+        bandwidth: of(3000.0, "assumed: 90 % of the 3.35 TB/s of NVIDIA's H100 datasheet"),
         schedulers: of(4.0, TUNING),
         issue: of(0.6, GUESS),
         warps: of(64.0, TUNING),
@@ -156,6 +175,7 @@ mod tests {
     fn devices_are_found_by_either_name() {
         assert_eq!(find("h200").unwrap().name, "h200");
         assert_eq!(find("NVIDIA H200").unwrap().name, "h200");
+        assert_eq!(find("NVIDIA H100 80GB HBM3").unwrap().name, "h100");
         assert_eq!(find("AMD Radeon 780M Graphics (RADV PHOENIX)").unwrap().name, "radeon-780m");
         assert!(find("llvmpipe (LLVM 15.0.6, 256 bits)").is_none());
     }
