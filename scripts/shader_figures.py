@@ -29,12 +29,14 @@ LEAN = ["closest_hit", "any_hit", "closest_hit_compressed", "any_hit_compressed"
         "shadow_hits_through_glass_compressed", "enter_instances"]
 # These too, and take a ray into an instance's space besides.
 LEAN_IN_INSTANCES = ["trace_instances"]
+# Sixteen entries of a stack are private memory: 192 bytes of ptxas's stack, 48 of ACO's vector registers and the instructions
+# that choose among them. In the memory of the workgroup they were none of it, and rays were slower by half on an H100.
 LEAN_PROMISED = {
-    "aco.vgprs": 64,
+    "aco.vgprs": 112,
     "aco.scratch": 0,
-    "aco.instructions": 2500,
+    "aco.instructions": 3000,
     "cuda.registers": 64,
-    "cuda.stack": 8,
+    "cuda.stack": 200,
 }
 # How much of the earlier number a number may be; what times and memory are depends on the machine.
 GROWTH = {
@@ -54,7 +56,7 @@ def broken(report):
     for name, shader in sorted(report.items()):
         promised = PROMISED | (LEAN_PROMISED if name in LEAN + LEAN_IN_INSTANCES else {})
         if name in LEAN_IN_INSTANCES:
-            promised |= {"aco.instructions": 2750}
+            promised |= {"aco.instructions": 3250}
         for key, most in promised.items():
             found = shader.get(key)
             if found is None and name in LEAN + LEAN_IN_INSTANCES and key.split(".")[0] in measured(report):

@@ -5,8 +5,6 @@ mod common;
 
 #[path = "common/by_sources.rs"]
 mod by_sources;
-#[path = "common/poison.rs"]
-mod poison;
 
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
@@ -504,16 +502,12 @@ fn kernel_cases() -> Vec<KernelCase> {
         .collect()
 }
 
-/// Whatever the memory of workgroups holds at first.
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn kernels_list_what_the_core_does() {
-    let [lean, retry] = sources();
-    let poisoned = poison::WORDS.map(|word| poison::poisoned(&lean, word).expect("memory"));
+    let sources = sources();
     for case in kernel_cases() {
-        for lean in [&lean, &poisoned[0], &poisoned[1]] {
-            assert!(case.holds(&[lean.clone(), retry.clone()]), "{}", case.case.name);
-        }
+        assert!(case.holds(&sources), "{}", case.case.name);
     }
 }
 
@@ -521,13 +515,10 @@ fn kernels_list_what_the_core_does() {
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn kernels_count_what_the_core_does() {
-    let [lean, retry] = counting_sources();
-    let poisoned = poison::WORDS.map(|word| poison::poisoned(&lean, word).expect("memory"));
+    let sources = counting_sources();
     let (mut certain, mut left) = (0, 0);
     for case in kernel_cases() {
-        for lean in [&lean, &poisoned[0], &poisoned[1]] {
-            assert!(case.counts_hold(&[lean.clone(), retry.clone()]), "{}", case.case.name);
-        }
+        assert!(case.counts_hold(&sources), "{}", case.case.name);
         let undecided = case.counts.iter().filter(|&&count| count == Hit::UNDECIDED).count();
         (certain, left) = (certain + case.counts.len() - undecided, left + undecided);
     }
@@ -619,8 +610,8 @@ fn planted_faults_are_seen() {
         ("hit.triangle == NO_TRIANGLE);", "true);"),
         ("defer_ray(index);", ""),
         ("deferred_rays[1u + place];", "deferred_rays[place];"),
-        ("entry < STACK_STEP + SHORT_SIZE", "true"),
-        ("interval.y < enter", "interval.y < leave"),
+        ("entry < STACK_STEP + SHORT_ENTRIES", "true"),
+        ("interval.y < place.enter", "interval.y < place.leave"),
     ] {
         let faulty = sources.clone().map(|source| source.replacen(from, to, 1));
         assert_ne!(faulty, sources, "{from}: the text is not there");

@@ -3,8 +3,6 @@
 
 #[path = "common/hostile.rs"]
 mod hostile;
-#[path = "common/poison.rs"]
-mod poison;
 
 use splitplane_core::backend::scene::{SceneAccelerator, TopUpdate};
 use splitplane_core::backend::{Backend, BuildOptions};
@@ -134,22 +132,6 @@ fn masks_are_those_of_instances_and_rays() {
         seen.insert(all.iter().filter(|(_, any)| *any).count());
     }
     assert!(seen.len() > 8 && seen.first() == Some(&0), "{seen:?}");
-}
-
-/// No kernel reads memory of its workgroup that it has not written: that memory is not cleared.
-#[test]
-#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
-fn memory_of_workgroups_may_hold_anything() {
-    let (scene, _) = objects::scene(Kind::Ordinary, 40, 95);
-    let rays = objects::rays(&scene, 400, 96);
-    let cpu = CpuBackend::new().build_scene(&scene, &BuildOptions::default()).expect("a scene");
-    let all = expected(&*cpu, &rays, &SceneOptions::default());
-    for word in poison::WORDS {
-        let kernel = QueryKernel::TraceInstances;
-        let source = poison::poisoned(&source_of(kernel), word).expect("memory of a workgroup");
-        let built = built_on(kernel, source)(&scene);
-        assert!(answers(&*built, &rays, &SceneOptions::default()).0 == all, "{word}");
-    }
 }
 
 /// What the device does not answer alone is answered in waves, and counted.

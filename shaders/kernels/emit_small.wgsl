@@ -1,9 +1,9 @@
-// Writes the subtrees of the small roots: copies those that were kept, builds the others again, now that
-// their places are known.
+// Writes the subtrees of the small roots that were kept, and leaves too large to split. `emit_small_retry` builds the others
+// again: it takes the memory of a workgroup that copies would have to do without.
 // One workgroup a small root.
 // Reads: small roots, their references, sizes, kept subtrees and addresses.
 // Writes: nodes and references of their subtrees.
-// Ties: least cost, then axis, then position.
+// Ties: none.
 
 @group(0) @binding(0) var<uniform> parameters: Parameters;
 @group(0) @binding(1) var<storage, read> counters: array<u32, 32>;
@@ -15,7 +15,6 @@
 @group(0) @binding(7) var<storage, read_write> nodes: array<vec2<u32>>;
 @group(0) @binding(8) var<storage, read_write> leaf_references: array<u32>;
 
-// The few roots that are built again are among the greatest: more invocations each finish them earlier.
 const SMALL_LANES: u32 = 64u;
 
 // Where the current root begins in the output.
@@ -27,29 +26,8 @@ fn put_node(index: u32, words: vec2<u32>) {
     nodes[address.x + index] = vec2<u32>(words.x + leaf_offset, words.y);
 }
 
-// The right child of an interior node, now that it is known.
-fn put_right(parent: u32, axis: u32, right: u32) {
-    nodes[address.x + parent].y = ((address.x + right) << 2u) | axis;
-}
-
 fn put_reference(index: u32, triangle: u32) {
     leaf_references[address.y + index] = triangle;
-}
-
-// A leaf of a subtree that is built again: an invocation for each reference of a half.
-fn put_leaf(index: u32, mask: vec2<u32>, first: u32, lane: u32) {
-    let place = lane % 32u;
-    let below = (1u << place) - 1u;
-    let of_first_half = countOneBits(mask.x);
-    if lane < 32u && ((mask.x >> place) & 1u) == 1u {
-        put_reference(first + countOneBits(mask.x & below), own_triangles[place].x);
-    }
-    if lane >= 32u && ((mask.y >> place) & 1u) == 1u {
-        put_reference(first + of_first_half + countOneBits(mask.y & below), own_triangles[place].y);
-    }
-    if lane == 0u {
-        put_node(index, vec2<u32>(first, (count_mask(mask) << 2u) | 3u));
-    }
 }
 
 // The triangles of a leaf's references in one half of the root's.
@@ -94,7 +72,6 @@ fn main(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    opaque_zero = parameters.zero;
     let end = slice_end(live(COUNTER_SMALL_ROOTS));
     for (var index = parameters.first + group.x; index < end; index += groups.x) {
         let root = small_roots[index];
@@ -104,11 +81,10 @@ fn main(
         }
         address = small_addresses[index];
         let size = small_sizes[index];
-        let split = root.count <= parameters.small_node_limit;
-        if split && index < parameters.subtree_room && size.x <= SUBTREE_NODES {
+        if root.count > parameters.small_node_limit {
+            put_large_leaf(root, lane);
+        } else if index < parameters.subtree_room && size.x <= SUBTREE_NODES {
             copy_subtree(root, SUBTREE_WORDS * index, size.x, lane);
-        } else {
-            _ = build_subtree(root, lane);
         }
     }
 }

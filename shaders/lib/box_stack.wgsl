@@ -1,25 +1,20 @@
-// The stack of a traversal of compressed nodes in the memory of the workgroup, for kernels of 64 invocations. An entry
-// is a node, and the key of one of its children: where the ray enters the child's box, and its place among the children. A
-// ray that needs more is deferred.
+// The stack of a traversal of compressed nodes in the memory of the invocation, as in short_stack.wgsl. An entry is a node,
+// and the key of one of its children: where the ray enters the child's box, and its place among the children. A ray that
+// needs more is deferred.
 
 const BOX_ENTRIES: u32 = 16u;
-const LANES: u32 = 64u;
-// From one entry to the next: those of all lanes lie side by side. Below it, the stack is empty.
-const STACK_STEP: u32 = LANES;
-const BOX_STACK_SIZE: u32 = LANES * BOX_ENTRIES;
+// From one entry to the next. Below it, the stack is empty.
+const STACK_STEP: u32 = 1u;
 
 // Key and node.
-var<workgroup> stack_entries: array<vec2<u32>, BOX_STACK_SIZE>;
-
-// The invocation's index in its workgroup. An entry point sets it.
-var<private> stack_lane: u32;
+var<private> stack_entries: array<vec2<u32>, BOX_ENTRIES>;
 
 fn stack_start() -> u32 {
-    return STACK_STEP + stack_lane;
+    return STACK_STEP;
 }
 
 fn stack_has(entry: u32) -> bool {
-    return entry < STACK_STEP + BOX_STACK_SIZE;
+    return entry < STACK_STEP + BOX_ENTRIES;
 }
 
 // Puts a child on the stack if it is one, and returns where the stack ends then. Beyond its room nothing is stored.

@@ -1,5 +1,5 @@
 // The small-node stage of Zhou et al. 2008: the subtree of one small root, built by a workgroup in workgroup
-// memory. The kernel says how many invocations it has: SMALL_LANES, 32 or 64. Twin of backend-cpu's small_root.rs.
+// memory. The kernel says how many invocations it has: SMALL_LANES, a multiple of 32. Twin of backend-cpu's small_root.rs.
 //
 // Candidates are the faces of the references' bounds as they stand in the root. A candidate counts
 // only where its own triangle is in the node and the plane lies strictly inside. So faces outside the root's cell
@@ -9,8 +9,7 @@
 //
 // References are in two halves of equal length, one bit in one of two words each: the first half in the first word.
 //
-// The kernel says what becomes of interior nodes, of leaves, and of the references of a leaf too large to split: `put_node`,
-// `put_right`, `put_leaf`, `put_reference`.
+// The kernel says what becomes of interior nodes and of leaves: `put_node`, `put_right`, `put_leaf`.
 // Needs the bindings `parameters` and `small_references`.
 
 const MAX_DEPTH: u32 = 96u;
@@ -26,8 +25,6 @@ const SLOTS: u32 = 256u;
 // First, per axis and lane: the low faces of its two references, then the high ones, as bits.
 // Then: right children to come, two each: cell, mask.
 var<workgroup> scratch: array<vec4<u32>, 192>;
-// The triangles of each lane's two references.
-var<workgroup> own_triangles: array<vec2<u32>, 32>;
 // First: a hash table of the faces within the root's cell: one more than the name of a face, the greatest of those that
 // meet. A face is named by 128 axis + 32 (2 high + second half) + lane.
 // Then, of right children to come: depth, index of the parent and axis.
@@ -65,10 +62,6 @@ struct Pending {
     depth: u32,
     // The interior node whose right child this is, and its axis below; NOTHING for a left child.
     parent: u32,
-}
-
-fn count_mask(mask: vec2<u32>) -> u32 {
-    return countOneBits(mask.x) + countOneBits(mask.y);
 }
 
 // `on_axis` of whole numbers.
@@ -249,27 +242,6 @@ fn pop(place: u32) -> Pending {
     return Pending(cell, vec2<u32>(lower.w, upper.w), link >> 11u, link & 2047u);
 }
 
-// The references that a dispatch sees, where one binding does not hold all: those of the first half or of the second.
-// A root of at most T references is worked on where its first reference is; the binding reaches so far beyond its
-// half that it holds the others too. Without halves the first has all.
-fn first_seen() -> u32 {
-    return select(0u, parameters.small_reference_half, (parameters.view & 1u) != 0u);
-}
-
-fn end_seen() -> u32 {
-    return select(parameters.small_reference_half, 0xffffffffu, (parameters.view & 1u) != 0u);
-}
-
-// Whether a root's first reference is seen.
-fn begins_here(root: SmallRoot) -> bool {
-    return root.first >= first_seen() && root.first < end_seen();
-}
-
-// Whether a dispatch works on a root: of a leaf too large to split it sees a part.
-fn is_seen(root: SmallRoot) -> bool {
-    return begins_here(root) || root.count > parameters.small_node_limit;
-}
-
 // The references of a root's lane into workgroup memory: the lane's of the first half and of the second.
 fn put_faces(root: SmallRoot, half: u32, lane: u32) {
     let at = root.first + lane - first_seen();
@@ -314,20 +286,9 @@ fn find_planes(root: SmallRoot, half: u32, lane: u32) {
     }
 }
 
-// Builds the subtree of a root and returns how many nodes and references it has. All invocations
+// Builds the subtree of a root of at most T references and returns how many nodes and references it has. All invocations
 // must call it.
 fn build_subtree(root: SmallRoot, lane: u32) -> vec2<u32> {
-    if root.count > parameters.small_node_limit {
-        // A leaf too large to split.
-        let end = min(root.first + root.count, end_seen());
-        for (var place = max(root.first, first_seen()) + lane; place < end; place += SMALL_LANES) {
-            put_reference(place - root.first, small_references[place - first_seen()].triangle);
-        }
-        if lane == 0u && begins_here(root) {
-            put_node(0u, vec2<u32>(0u, (root.count << 2u) | 3u));
-        }
-        return vec2<u32>(1u, root.count);
-    }
     let half = (root.count + 1u) / 2u;
     workgroupBarrier();
     if lane < half {

@@ -16,7 +16,6 @@ fn main(
     if index >= batch.count {
         return;
     }
-    stack_lane = local;
     let hit = trace_ray(batch_ray(index), QueryOptions(batch.culling, batch.ignore), true);
     occluded[index] = occluded_word(hit);
     if hit.triangle == DEFERRED {

@@ -19,7 +19,6 @@ fn main(
     if index >= batch.count {
         return;
     }
-    stack_lane = local;
     let hit = closest_hit(batch_ray(index), QueryOptions(batch.culling, batch.ignore));
     hits[index] = hit_words(hit);
     if hit.triangle == DEFERRED {

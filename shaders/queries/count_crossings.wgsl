@@ -15,7 +15,6 @@ fn main(
     if index >= batch.count {
         return;
     }
-    stack_lane = local;
     begin_count(index);
     let hit = trace_ray(batch_ray(index), QueryOptions(batch.culling, batch.ignore), false);
     end_count(index, hit);

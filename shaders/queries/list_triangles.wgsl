@@ -14,7 +14,6 @@ fn main(
     if index >= batch.count {
         return;
     }
-    stack_lane = local;
     begin_list(index);
     let hit = trace_ray(batch_ray(index), QueryOptions(batch.culling, batch.ignore), false);
     end_list(hit);

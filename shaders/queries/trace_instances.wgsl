@@ -20,7 +20,6 @@ fn main(
     if instance == NO_INSTANCE {
         return;
     }
-    stack_lane = local;
     if !trace_entered(index, instance) {
         defer_ray(index);
     }

@@ -19,7 +19,6 @@ fn main(
     @builtin(local_invocation_index) lane: u32,
 ) {
     opaque_zero = frame.zero;
-    stack_lane = lane;
     let count = counters[COUNTER_SHADOW_RAYS];
     let options = QueryOptions(frame.culling, frame.ignore);
     let index = group.x * TRACED + lane;

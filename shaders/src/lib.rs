@@ -20,7 +20,7 @@ pub use render::{
     RenderFeatures, has_tail, render_compressed, render_parts, render_retry, render_settle,
 };
 pub use table::{
-    CHECKS, COMPRESS, KERNELS, LIBRARY, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER,
+    CHECKS, COMPRESS, KERNEL_RETRIES, KERNELS, LIBRARY, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER,
     RENDER_COMPRESSED, RENDER_RETRIES, RENDER_SETTLES,
 };
 
@@ -68,6 +68,7 @@ pub fn join(parts: &[Part]) -> String {
 pub fn find(name: &str) -> Option<&'static Shader> {
     let tables = [
         KERNELS,
+        KERNEL_RETRIES,
         COMPRESS,
         QUERIES,
         POINT_BUILD,
@@ -80,4 +81,9 @@ pub fn find(name: &str) -> Option<&'static Shader> {
         CHECKS,
     ];
     tables.into_iter().flatten().find(|shader| shader.name == name)
+}
+
+/// The shader that finishes what this kernel of the tree builder leaves to it, if there is one: see [`KERNEL_RETRIES`].
+pub fn kernel_retry(kernel: &str) -> Option<&'static Shader> {
+    KERNEL_RETRIES.iter().find(|shader| shader.name.strip_suffix("_retry") == Some(kernel))
 }

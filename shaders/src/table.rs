@@ -54,6 +54,7 @@ library! {
     BINS "bins"
     DECISION "decision"
     BALLOT "ballot"
+    SMALL_ROOT "small_root"
     SMALL_NODE "small_node"
     MIDDLE "middle"
     WIDE_SCAN "wide_scan"
@@ -158,13 +159,21 @@ shaders! {
         "build_middle": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE SPLIT SAH WIDE CORNERS MIDDLE WIDE_SCAN;
         "scan_middle": LAYOUT KERNEL SCAN;
         "place_middle": LAYOUT KERNEL MIDDLE;
-        "build_small": ARITHMETIC AABB LAYOUT KERNEL SPLIT SAH NODE SMALL_NODE;
+        "build_small": ARITHMETIC AABB LAYOUT KERNEL SPLIT SAH NODE SMALL_ROOT SMALL_NODE;
         "measure_middle": LAYOUT KERNEL;
         "subtree_sizes": LAYOUT KERNEL;
         "preorder_addresses": LAYOUT KERNEL;
         "emit_middle": LAYOUT KERNEL NODE MIDDLE;
         "emit_top": LAYOUT KERNEL NODE;
-        "emit_small": ARITHMETIC AABB LAYOUT KERNEL SPLIT SAH NODE SMALL_NODE;
+        "emit_small": LAYOUT KERNEL NODE SMALL_ROOT;
+    }
+}
+
+shaders! {
+    /// What finishes what kernels of the tree builder leave to it, over the same bindings. Their names are those of the
+    /// kernels, with `_retry`.
+    KERNEL_RETRIES "kernels" {
+        "emit_small_retry": ARITHMETIC AABB LAYOUT KERNEL SPLIT SAH NODE SMALL_ROOT SMALL_NODE;
     }
 }
 

@@ -101,10 +101,10 @@ impl Capacities {
         if self.binned {
             return self;
         }
-        // The greatest seen over scanned and built scenes: 1.2 references of a triangle are handed over, in a node for 500
+        // The greatest seen over scanned and built scenes: 1.2 references of a triangle are handed over, in a node for 250
         // triangles and few others.
         let handed = share(self.triangles, 3, 2, 4096);
-        let regions = Region::start(handed, share(self.triangles, 1, 200, 256));
+        let regions = Region::start(handed, share(self.triangles, 1, 100, 256));
         Capacities {
             middle: true,
             middle_references: share(self.triangles, 10, 1, 16_384),

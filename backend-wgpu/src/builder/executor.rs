@@ -33,6 +33,12 @@ impl DeviceSet for TreeBuilder {
         Text { name: shader.name, parts }
     }
 
+    /// Only one kernel has one: it binds no list that goes on in a second binding.
+    fn retry(kernel: Kernel, _lists: &Lists) -> Option<Text> {
+        let shader = splitplane_shaders::kernel_retry(kernel.name())?;
+        Some(Text { name: shader.name, parts: shader.parts.into() })
+    }
+
     fn bindings(kernel: Kernel, lists: &Lists) -> Vec<Bound<TreeBuilder>> {
         views::bindings(kernel, *lists)
     }

@@ -11,7 +11,7 @@
 use crate::config::BuildConfig;
 
 /// Most references of a middle root, where T is not small.
-pub const MOST_REFERENCES: u32 = 4096;
+pub const MOST_REFERENCES: u32 = 2048;
 /// Most nodes of one level of a middle root.
 pub const ACTIVE_NODES: u32 = 96;
 /// Most references of one level of a middle root.

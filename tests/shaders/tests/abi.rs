@@ -29,7 +29,7 @@ use splitplane_core::kernel::{
 use splitplane_core::layout::Counters;
 use splitplane_render::RayTracer;
 use splitplane_shaders::{
-    CHECKS, COMPRESS, KERNELS, LIBRARY, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER,
+    CHECKS, COMPRESS, KERNEL_RETRIES, KERNELS, LIBRARY, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER,
     RENDER_COMPRESSED, RENDER_RETRIES, RENDER_SETTLES, Shader, TriangleTest, continue_lists, join,
     parts_by_halves, query,
 };
@@ -176,7 +176,8 @@ fn kernels_have_the_names_of_the_core_and_of_their_files() {
     let in_table: Vec<_> = KERNELS.iter().map(|shader| shader.name).collect();
     let in_core: Vec<_> = Kernel::ALL.iter().map(|kernel| kernel.name()).collect();
     assert_eq!(in_table, in_core);
-    let files = names::files("kernels", ".wgsl");
+    let mut files = names::files("kernels", ".wgsl");
+    KERNEL_RETRIES.iter().for_each(|retry| assert!(files.remove(retry.name), "{}", retry.name));
     let mut cpu = names::files("../backend-cpu/src/build/twin/kernels", ".rs");
     cpu.remove("mod");
     for (what, files) in [("kernels/", files), ("backend-cpu", cpu)] {
@@ -231,6 +232,7 @@ fn the_scanner_reads_the_core() {
 fn every_kernel_says_what_it_does() {
     for table in [
         KERNELS,
+        KERNEL_RETRIES,
         COMPRESS,
         QUERIES,
         POINT_BUILD,

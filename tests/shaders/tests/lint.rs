@@ -33,9 +33,9 @@ use splitplane_core::kernel::{
 };
 use splitplane_render::RayTracer;
 use splitplane_shaders::{
-    CHECKS, COMPRESS, KERNELS, LIBRARY, NEAR, POINT_BUILD, POINTS, Part, QUERIES, RENDER,
-    RENDER_COMPRESSED, RENDER_RETRIES, RENDER_SETTLES, RenderFeatures, Shader, TriangleTest,
-    render_parts,
+    CHECKS, COMPRESS, KERNEL_RETRIES, KERNELS, LIBRARY, NEAR, POINT_BUILD, POINTS, Part, QUERIES,
+    RENDER, RENDER_COMPRESSED, RENDER_RETRIES, RENDER_SETTLES, RenderFeatures, Shader,
+    TriangleTest, render_parts,
 };
 
 use rules::{Finding, Rule};
@@ -78,6 +78,7 @@ fn lint(parts: Vec<Text>, free: Free) -> Vec<Finding> {
 /// The shaders the lint applies to: those of every set.
 fn linted() -> impl Iterator<Item = (&'static Shader, Free)> {
     let kernels = KERNELS.iter().map(|shader| (shader, free_in::<TreeBuilder>(shader)));
+    let rebuilt = KERNEL_RETRIES.iter().map(|shader| (shader, Free::Forbidden));
     // These read nodes, but what they compute is the same everywhere.
     let compress = COMPRESS.iter().map(|shader| (shader, Free::Forbidden));
     let points = POINT_BUILD.iter().chain(POINTS).chain(NEAR);
@@ -90,6 +91,7 @@ fn linted() -> impl Iterator<Item = (&'static Shader, Free)> {
     let settles = RENDER_SETTLES.iter().map(|shader| (shader, Free::Allowed));
     let checks = CHECKS.iter().map(|shader| (shader, free_in::<DeviceChecks>(shader)));
     let all = kernels
+        .chain(rebuilt)
         .chain(compress)
         .chain(points)
         .chain(queries)

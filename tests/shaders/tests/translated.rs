@@ -12,8 +12,8 @@ use std::path::Path;
 
 use naga::back::{hlsl, msl, spv};
 use splitplane_shaders::{
-    CHECKS, COMPRESS, KERNELS, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_COMPRESSED,
-    RENDER_RETRIES, RENDER_SETTLES, Shader,
+    CHECKS, COMPRESS, KERNEL_RETRIES, KERNELS, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER,
+    RENDER_COMPRESSED, RENDER_RETRIES, RENDER_SETTLES, Shader,
 };
 
 use source::{Parsed, Text, texts};
@@ -25,6 +25,7 @@ mod source;
 fn shaders() -> impl Iterator<Item = &'static Shader> {
     [
         KERNELS,
+        KERNEL_RETRIES,
         COMPRESS,
         QUERIES,
         POINT_BUILD,

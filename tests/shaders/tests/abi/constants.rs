@@ -118,8 +118,6 @@ const DEVICE_ONLY: &[(&str, Only, &str)] = &[
     ("ALL_LEVELS", Only::Any, "a mask of levels"),
     ("HEAP_SIZE", Only::Any, "an array's length"),
     ("SHORT_ENTRIES", Only::Any, "a stack's depth; deeper rays go elsewhere"),
-    ("SHORT_SIZE", Only::Any, "an array's length"),
-    ("BOX_STACK_SIZE", Only::Any, "an array's length"),
     ("VERDICT_MET", Only::Any, "an enum on the CPU"),
     ("CROSSES_NOT", Only::Any, "an enum on the CPU"),
     ("CROSSES_FROM_FRONT", Only::Any, "an enum on the CPU"),

@@ -8,8 +8,8 @@ use splitplane_core::kernel::{
 use splitplane_render::RayTracer;
 use splitplane_render::kernel as render_kernel;
 use splitplane_shaders::{
-    CHECKS, COMPRESS, KERNELS, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_COMPRESSED,
-    RENDER_RETRIES, RENDER_SETTLES, Shader,
+    CHECKS, COMPRESS, KERNEL_RETRIES, KERNELS, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER,
+    RENDER_COMPRESSED, RENDER_RETRIES, RENDER_SETTLES, Shader,
 };
 
 use crate::bindings;
@@ -76,6 +76,7 @@ pub(crate) fn text_of<S: Shaders>(kernel: S::Kernel) -> Vec<Text> {
 
 impl Shaders for TreeBuilder {
     const TABLE: &'static [Shader] = KERNELS;
+    const RETRIES: &'static [&'static [Shader]] = &[KERNEL_RETRIES];
     const FOLDER: &'static str = "kernels";
     const LAYOUT: &'static str = "layout";
     const SINGLES: &'static [Buffer] = &[Buffer::Counters];
