@@ -250,6 +250,13 @@ fn distances_on_a_grid_are_those_of_the_mesh() {
         let expected = if inside > 0.0 { -inside } else { length };
         assert!((f64::from(found) - expected).abs() < 1e-6, "{at:?}: {found} {expected}");
     }
+    // Exactly: the same distances of the nearest triangles.
+    let exact = json(&folder, &[&asked[..], &["--accuracy", "exact"]].concat());
+    assert_eq!(
+        (report["accuracy"].as_str(), exact["accuracy"].as_str()),
+        (Some("f64"), Some("exact"))
+    );
+    assert_eq!(fs::read(folder.path().join("grid.npy")).unwrap(), bytes);
     // Unsigned, and not beyond a limit.
     succeed(&folder, &[&grid[..], &["--step", "1", "--max-distance", "0.5"]].concat());
     let numbers = floats(&folder, "grid.npy");
