@@ -64,7 +64,7 @@ fn the_triangle_is_that_of_rational_arithmetic() {
         for size in [1.0, 1e-30, 1e30] {
             let triangles = close_calls::mesh(name, 14, size, &mut random);
             let mesh = Mesh::soup(&triangles).expect("a mesh");
-            let points = points(&triangles, size, many(60), &mut random);
+            let points = points(&triangles, size, many(300), &mut random);
             let near = ClosestPointOptions { max_distance: 0.5 * size, ignore: Some(2), ..EXACT };
             for options in [EXACT, near] {
                 let expected: Vec<ClosestPoint> = points
@@ -158,7 +158,7 @@ fn of_scenes_it_is_that_of_all_instances() {
         let mut build = |mesh: &Mesh<'_>, options: &BuildOptions<'_>| backend.build(mesh, options);
         let host = HostScene::build(&scene, &BuildOptions::default(), &mut build).unwrap();
         let baked = objects::baked(&scene);
-        let points = points(&baked, 1.0, many(24), &mut random);
+        let points = points(&baked, 1.0, many(100), &mut random);
         let exact = SceneClosestPointOptions { accuracy: Accuracy::Exact, ..Default::default() };
         let ignore = IgnoredTriangle { instance: InstanceId(1), triangle: 0 };
         let near = SceneClosestPointOptions { max_distance: 0.5, ignore: Some(ignore), ..exact };

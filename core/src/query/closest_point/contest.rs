@@ -132,7 +132,8 @@ mod tests {
         let mut contest = Contest::new([0.0; 3], f32::INFINITY);
         let mut winner = u32::MAX;
         // The least index comes last, so that ties change who is the best.
-        for (index, triangle) in (0..).zip(triangles).rev() {
+        for (index, triangle) in triangles.iter().enumerate().rev() {
+            let index = index as u32;
             let about = triangle.map(|corner| corner.map(f64::from));
             let own = Contender::new([0.0; 3], about, slack, (triangle, None), index).0;
             if contest.enter(own) {
@@ -154,12 +155,12 @@ mod tests {
     #[test]
     fn ranges_need_their_slack() {
         let mut wrong = 0;
-        for seed in 0..400 {
+        for seed in 0..8_000 {
             let triangles = alike(seed);
             let expected = truly(&triangles);
             assert_eq!(winner(&triangles, 64.0 * f64::EPSILON / 2.0), expected, "{seed}");
             wrong += usize::from(winner(&triangles, 0.0) != expected);
         }
-        assert!(wrong > 5, "{wrong}");
+        assert!(wrong > 3, "{wrong}");
     }
 }
