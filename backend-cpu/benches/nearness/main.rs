@@ -27,7 +27,9 @@ use splitplane_test_support::random::Random;
 use splitplane_test_support::{near, overlap, rational, scenes};
 
 /// Queries of each sort to a mesh.
-const EACH: usize = 2048;
+const EACH: usize = 4096;
+/// Queries of each sort to a mesh where rational arithmetic has most of the work.
+const FEW: usize = 256;
 /// Triangles of a mesh.
 const TRIANGLES: usize = 24;
 const SIZES: [f32; 3] = [1.0, 1e-30, 1e30];
@@ -98,19 +100,22 @@ fn kind_of(round: u64, real: usize) -> Result<(Kind, f32), usize> {
 
 fn one_mesh(round: u64, seed: u64, real: &[Vec<Triangle>], tally: &mut Tally) {
     let mut random = Random::new(seed.wrapping_mul(1 << 32) + round);
-    let (triangles, size) = match kind_of(round, real.len()) {
-        Ok((kind, size)) => (close_calls::mesh(kind, TRIANGLES, size, &mut random), size),
+    let (triangles, size, each) = match kind_of(round, real.len()) {
+        Ok((kind, size)) => {
+            let each = if matches!(kind, Kind::Soup | Kind::Mirrored) { EACH } else { FEW };
+            (close_calls::mesh(kind, TRIANGLES, size, &mut random), size, each)
+        }
         Err(scene) => {
             let all = &real[scene];
             let first = random.below(all.len() - TRIANGLES);
             let piece = all[first..first + TRIANGLES].to_vec();
             let bounds = Aabb::of_points(piece.as_flattened());
-            (piece, bounds.diagonal() as f32)
+            (piece, bounds.diagonal() as f32, EACH)
         }
     };
     let mesh = Mesh::soup(&triangles).expect("a mesh");
     let presets = [Preset::Fast, Preset::Balanced, Preset::Best];
-    let sets: Vec<InstructionSet> = InstructionSet::available().collect();
+    let sets = InstructionSet::available();
     let place = round as usize;
     let layout = [QueryLayout::Fast, QueryLayout::Compact][place / 3 % 2];
     let build = BuildOptions { layout, ..presets[place % 3].config().into() };
@@ -123,9 +128,9 @@ fn one_mesh(round: u64, seed: u64, real: &[Vec<Triangle>], tally: &mut Tally) {
         .map(|(index, own)| (index, own.corners))
         .collect();
     let points: Vec<[f32; 3]> =
-        (0..EACH).map(|_| close_calls::point(&triangles, size, &mut random)).collect();
+        (0..each).map(|_| close_calls::point(&triangles, size, &mut random)).collect();
     closest_points(&mesh, &tree, &kept, &points, tally);
-    overlaps(&tree, &kept, size, &mut random, tally);
+    overlaps(&tree, &kept, (size, each), &mut random, tally);
 }
 
 fn report(tally: &mut Tally, sort: usize, text: impl FnOnce() -> String) {
@@ -241,7 +246,7 @@ fn volume<'a>(
 fn overlaps(
     tree: &CpuAccelerator,
     kept: &[(u32, Triangle)],
-    size: f32,
+    (size, each): (f32, usize),
     random: &mut Random,
     tally: &mut Tally,
 ) {
@@ -251,12 +256,13 @@ fn overlaps(
     let planes: Vec<Plane> = (0..64)
         .map(|_| {
             let normal = random.direction().map(|x| x as f32);
-            let corner = random.pick(&random.pick(kept).1);
+            let corners = random.pick(kept).1;
+            let corner = random.pick(&corners);
             let offset = (0..3).map(|axis| normal[axis] * corner[axis]).sum::<f32>();
             Plane { normal, offset: offset + 0.5 * size * random.signed() }
         })
         .collect();
-    let volumes: Vec<Volume<'_>> = (0..EACH).map(|_| volume(kept, size, &planes, random)).collect();
+    let volumes: Vec<Volume<'_>> = (0..each).map(|_| volume(kept, size, &planes, random)).collect();
     let found = tree.overlaps(&volumes, &OverlapOptions::default()).expect("memory");
     let mut any = vec![false; volumes.len()];
     tree.overlaps_any(&volumes, &mut any, &OverlapOptions::default()).expect("memory");

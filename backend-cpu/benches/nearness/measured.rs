@@ -2,7 +2,7 @@
 
 use splitplane_core::query::overlap::Volume;
 
-pub type Vector = [f64; 3];
+pub(crate) type Vector = [f64; 3];
 
 /// Lengths below this part of the greatest coordinate are not told from none.
 const MARGIN: f64 = 1e-9;
@@ -76,7 +76,7 @@ fn range(x: Vector, from: &[Vector], to: &[Vector], margin: f64) -> (f64, f64) {
 }
 
 /// What the distance of a triangle from a point is within.
-pub fn distance(point: [f32; 3], corners: &[[f32; 3]; 3]) -> (f64, f64) {
+pub(crate) fn distance(point: [f32; 3], corners: &[[f32; 3]; 3]) -> (f64, f64) {
     let corners = corners.map(|corner| wide(corner, point));
     let margin = MARGIN * greatest(&corners);
     range(on_triangle(corners), &[[0.0; 3]], &corners, margin)
@@ -218,7 +218,7 @@ fn clipped(polygon: Vec<Vector>, normal: Vector, offset: f64) -> Vec<Vector> {
 }
 
 /// Whether a triangle meets a volume; `None` where it is too near to tell.
-pub fn meets(volume: &Volume<'_>, triangle: &[[f32; 3]; 3]) -> Option<bool> {
+pub(crate) fn meets(volume: &Volume<'_>, triangle: &[[f32; 3]; 3]) -> Option<bool> {
     let origin = triangle[0];
     let corners = triangle.map(|corner| wide(corner, origin));
     let [a, b, c] = corners;
