@@ -135,7 +135,7 @@ pub struct Search {
 }
 
 /// Whether closest points of accuracy `exact` are offered: not in browsers, whose parts they would make larger.
-const EXACT: bool = !cfg!(target_family = "wasm");
+pub(crate) const EXACT: bool = !cfg!(target_family = "wasm");
 
 /// Refuses an accuracy of closest points that is not offered.
 ///

@@ -29,7 +29,7 @@ use crate::arithmetic::{snap, sqrt};
 use crate::cancel::go_on_tracing;
 use crate::error::{QueryError, refused};
 use crate::query::closest_point::{
-    ClosestPoint, Contender, Contest, check_accuracy, check_lengths, of_corners, widened,
+    ClosestPoint, Contender, Contest, EXACT, check_accuracy, check_lengths, of_corners, widened,
 };
 use crate::query::traverse::Triangles;
 use crate::ray::Accuracy;
@@ -176,7 +176,7 @@ impl BuiltScene {
         point: [f32; 3],
         options: &SceneClosestPointOptions<'_>,
     ) -> Result<SceneClosestPoint, QueryError> {
-        let is_exact = options.accuracy == Accuracy::Exact;
+        let is_exact = EXACT && options.accuracy == Accuracy::Exact;
         check_accuracy(options.accuracy)?;
         self.check_nearness(options.mask, is_exact)?;
         let limit = f64::from(options.max_distance);
@@ -295,7 +295,9 @@ impl<'a> Near<'a> {
                     }
                     let corners = mesh.corners(triangle);
                     let Some(about) = self.in_world(&corners) else { continue };
-                    if let Some(contest) = contest {
+                    if let Some(contest) = contest
+                        && EXACT
+                    {
                         let given = (&corners, Some(&self.placement.instance.transform));
                         let key = (self.instance.0, triangle);
                         let (own, found) =
@@ -330,8 +332,8 @@ type SceneContest = Contest<(u32, u32)>;
 /// The square of a distance that the closest triangle so far is certainly within, as distances are compared.
 fn farthest_squared(best: &SceneClosestPoint, contest: &Option<SceneContest>) -> f64 {
     match contest {
-        Some(contest) => contest.farthest_squared(),
-        None => best.distance_squared,
+        Some(contest) if EXACT => contest.farthest_squared(),
+        _ => best.distance_squared,
     }
 }
 
