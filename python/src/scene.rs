@@ -547,7 +547,7 @@ impl Scene {
         &self,
         py: Python<'_>,
         points: PyReadonlyArray2<'_, f32>,
-        options: (f32, u32, Option<(u32, u32)>, &str),
+        options: (f32, u32, Option<(u32, u32)>, String),
         mut squared: PyReadwriteArray1<'_, f64>,
         mut closest: PyReadwriteArray2<'_, f32>,
         names: (PyReadwriteArray1<'_, u32>, PyReadwriteArray1<'_, u32>, PyReadwriteArray1<'_, u32>),
@@ -557,7 +557,7 @@ impl Scene {
         let ((mut u, mut v), (mut triangle, mut geometry, mut instance)) = (weights, names);
         let points = rows::<f32, 3>(&points, "points")?;
         let (max_distance, mask, ignore, name) = options;
-        let accuracy = accuracy(name)?;
+        let accuracy = accuracy(&name)?;
         let (total, state, ignore) = (points.len(), self.current()?, ignored(ignore));
         let (squared, closest) =
             (room(&mut squared, total)?, room_for_rows::<f32, 3>(&mut closest, total)?);

@@ -349,7 +349,7 @@ impl Tree {
         &self,
         py: Python<'_>,
         points: PyReadonlyArray2<'_, f32>,
-        options: (f32, Option<u32>, &str),
+        options: (f32, Option<u32>, String),
         mut squared: PyReadwriteArray1<'_, f64>,
         mut closest: PyReadwriteArray2<'_, f32>,
         mut triangle: PyReadwriteArray1<'_, u32>,
@@ -359,7 +359,7 @@ impl Tree {
     ) -> PyResult<Counts> {
         let points = rows::<f32, 3>(&points, "points")?;
         let (max_distance, ignore, name) = options;
-        let accuracy = accuracy(name)?;
+        let accuracy = accuracy(&name)?;
         let (total, state) = (points.len(), self.read()?);
         state.opened.check_process()?;
         let closest = room_for_rows::<f32, 3>(&mut closest, total)?;
