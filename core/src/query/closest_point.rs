@@ -299,7 +299,7 @@ pub fn of_corners(point: [f64; 3], corners: [[f64; 3]; 3]) -> ClosestPoint {
 }
 
 /// [`of_corners`], and where that is as seen from the point.
-#[inline]
+#[inline(always)]
 fn nearest(point: Vector, corners: [Vector; 3]) -> (ClosestPoint, Vector) {
     let [a, b, c] = corners;
     let (to_a, e, f) = (difference(a, point), difference(b, a), difference(c, a));
