@@ -1,16 +1,21 @@
 //! What each accuracy costs: `cargo bench -p splitplane-cpu --bench accuracy -- DIR [REPEATS] [RAYS]`.
 //!
-//! DIR holds `verts.f32`, `index.u32` and `SET.rays`, as `splitplane-peer` takes them. Of each set about
+//! DIR holds `verts.f32`, `index.u32` and any of `SET.rays`, as `splitplane-peer` takes them. Of each set about
 //! RAYS rays, or all, are traced on one thread as one batch, by each accuracy in turn, REPEATS times;
 //! of each the least time counts, in ns a ray. It is CPU time where the system tells it.
+//!
+//! As many closest points, at most 65,536, are asked of points anywhere in the mesh's box (`box`) and of points within a hundredth of its diagonal of a triangle (`skin`); of
+//! these accuracies `fast` and `watertight` are the same.
 
 use std::path::Path;
 use std::time::Instant;
 
 use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::mesh::Mesh;
+use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions};
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_cpu::{CpuAccelerator, CpuBackend};
+use splitplane_test_support::random::Random;
 
 const SETS: [&str; 4] = ["primary", "shadow", "bounce", "chords"];
 
@@ -62,7 +67,7 @@ fn times(repeats: usize, rays: usize, mut run: impl FnMut(&QueryOptions<'_>)) ->
 fn measure(tree: &CpuAccelerator, dir: &Path, repeats: usize, most: usize) {
     println!("| set | query | fast | watertight | exact | watertight : fast | exact : fast |");
     println!("|---|---|---:|---:|---:|---:|---:|");
-    for set in SETS {
+    for set in SETS.into_iter().filter(|set| dir.join(format!("{set}.rays")).exists()) {
         let raw: Vec<[f32; 8]> = read(&dir.join(format!("{set}.rays")));
         let rays: Vec<Ray> = raw
             .iter()
@@ -89,6 +94,39 @@ fn measure(tree: &CpuAccelerator, dir: &Path, repeats: usize, most: usize) {
     }
 }
 
+fn measure_points(tree: &CpuAccelerator, mesh: &Mesh<'_>, repeats: usize, most: usize) {
+    let bounds = tree.tree().bounds;
+    let mut random = Random::new(1);
+    for set in ["box", "skin"] {
+        let points: Vec<[f32; 3]> = (0..most.min(1 << 16))
+            .map(|_| match set {
+                "box" => [0, 1, 2].map(|axis| {
+                    random.between(f64::from(bounds.lo[axis]), f64::from(bounds.hi[axis])) as f32
+                }),
+                _ => {
+                    let corners = mesh.triangle(random.below(mesh.len()));
+                    let (weights, away) = (random.barycentric(), random.direction());
+                    let far = 0.01 * bounds.diagonal() * random.unit();
+                    [0, 1, 2].map(|axis| {
+                        let on = (0..3).map(|k| weights[k] * f64::from(corners[k][axis]));
+                        (on.sum::<f64>() + far * away[axis]) as f32
+                    })
+                }
+            })
+            .collect();
+        let mut closest = vec![ClosestPoint::NONE; points.len()];
+        let [fast, watertight, exact] = times(repeats, points.len(), |options| {
+            let options = ClosestPointOptions { accuracy: options.accuracy, ..Default::default() };
+            tree.closest_points(&points, &mut closest, &options).expect("equal lengths");
+        });
+        println!(
+            "| {set} | closest point | {fast:.1} | {watertight:.1} | {exact:.1} | {:.2} | {:.2} |",
+            watertight / fast,
+            exact / fast
+        );
+    }
+}
+
 fn main() {
     // Cargo adds `--bench`.
     let arguments: Vec<String> =
@@ -107,5 +145,9 @@ fn main() {
     let tree =
         CpuBackend::new().build_accelerator(&mesh, &BuildOptions::default()).expect("a tree");
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
-    pool.install(|| measure(&tree, dir, number(1, 9), number(2, usize::MAX)));
+    let (repeats, most) = (number(1, 9), number(2, usize::MAX));
+    pool.install(|| {
+        measure(&tree, dir, repeats, most);
+        measure_points(&tree, &mesh, repeats, most);
+    });
 }

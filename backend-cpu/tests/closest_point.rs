@@ -13,6 +13,7 @@ use splitplane_core::mesh::Mesh;
 use splitplane_core::query::closest_point::{
     ClosestPoint, ClosestPointOptions, closest_point, of_triangle,
 };
+use splitplane_core::ray::Accuracy;
 use splitplane_core::triangle::prepare;
 use splitplane_core::watch::Progress;
 use splitplane_cpu::{CpuBackend, InstructionSet};
@@ -22,8 +23,12 @@ use splitplane_test_support::random::Random;
 use splitplane_test_support::rational;
 use splitplane_test_support::scenes::{self, Scene};
 
-const ANY: ClosestPointOptions<'static> =
-    ClosestPointOptions { max_distance: f32::INFINITY, ignore: None, watch: None };
+const ANY: ClosestPointOptions<'static> = ClosestPointOptions {
+    max_distance: f32::INFINITY,
+    accuracy: Accuracy::Watertight,
+    ignore: None,
+    watch: None,
+};
 
 fn many(points: usize) -> usize {
     let long = std::env::var_os("SPLITPLANE_LONG").is_some_and(|value| value == "1");
@@ -103,7 +108,7 @@ fn every_path_answers_as_brute_force() {
         let mesh = scene.mesh();
         let points = points(scene, many(60), number as u64);
         let reach = points_limit(&mesh);
-        let some = ClosestPointOptions { max_distance: reach, ignore: Some(3), watch: None };
+        let some = ClosestPointOptions { max_distance: reach, ignore: Some(3), ..ANY };
         for preset in [Preset::Fast, Preset::Best] {
             for layout in [QueryLayout::Fast, QueryLayout::Compact] {
                 let options =

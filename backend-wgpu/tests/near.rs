@@ -13,6 +13,7 @@ use splitplane_core::kernel::NearKernel;
 use splitplane_core::points::build::{PointBuildError, PointOptions};
 use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions};
 use splitplane_core::query::overlap::{OverlapOptions, Plane, Volume};
+use splitplane_core::ray::Accuracy;
 use splitplane_core::report::QueryReport;
 use splitplane_core::triangle::{Triangle, prepare};
 use splitplane_core::watch::Progress;
@@ -110,7 +111,13 @@ fn closest_points_are_the_cpus() {
         let near = if diagonal.is_finite() { (0.05 * diagonal) as f32 } else { 1.0 };
         for options in [
             ClosestPointOptions::default(),
-            ClosestPointOptions { max_distance: near, ignore: Some(3), watch: None },
+            ClosestPointOptions { max_distance: near, ignore: Some(3), ..Default::default() },
+            ClosestPointOptions { accuracy: Accuracy::Exact, ..Default::default() },
+            ClosestPointOptions {
+                accuracy: Accuracy::Exact,
+                max_distance: near,
+                ..Default::default()
+            },
             ClosestPointOptions { max_distance: 0.0, ..ClosestPointOptions::default() },
             ClosestPointOptions { max_distance: -1.0, ..ClosestPointOptions::default() },
         ] {

@@ -295,7 +295,7 @@ typedef int32_t (*splitplane_point_filter)(void *user, uint32_t point);
 typedef struct splitplane_query_options {
     // `sizeof(splitplane_query_options)`.
     size_t size;
-    // A `splitplane_accuracy`.
+    // A `splitplane_accuracy`. Of closest points `EXACT` finds the nearest triangle of real arithmetic, the others that of the least distance in `double`.
     uint32_t accuracy;
     // A `splitplane_culling`.
     uint32_t culling;

@@ -119,7 +119,7 @@ pub struct BuildOptions {
 pub struct QueryOptions {
     /// `sizeof(splitplane_query_options)`.
     pub size: usize,
-    /// A `splitplane_accuracy`.
+    /// A `splitplane_accuracy`. Of closest points `EXACT` finds the nearest triangle of real arithmetic, the others that of the least distance in `double`.
     pub accuracy: u32,
     /// A `splitplane_culling`.
     pub culling: u32,

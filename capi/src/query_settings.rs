@@ -48,7 +48,7 @@ impl Uses {
         Uses { culling: true, ignore: true, max_memory: true, ..Uses::NOTHING };
     pub(crate) const LOCATE: Uses = Uses { max_memory: true, ..Uses::NOTHING };
     pub(crate) const CLOSEST_POINTS: Uses =
-        Uses { ignore: true, max_distance: true, ..Uses::NOTHING };
+        Uses { accuracy: true, ignore: true, max_distance: true, ..Uses::NOTHING };
     pub(crate) const SIGNED: Uses = Uses { max_memory: true, ..Uses::NOTHING };
     pub(crate) const POINTS: Uses =
         Uses { max_distance: true, max_memory: true, point_filter: true, ..Uses::NOTHING };
@@ -147,8 +147,8 @@ impl Query {
     }
 
     pub(crate) fn closest<'a>(&self, watch: Option<&'a dyn Watch>) -> ClosestPointOptions<'a> {
-        let Query { max_distance, ignore, .. } = *self;
-        ClosestPointOptions { max_distance, ignore, watch }
+        let Query { accuracy, max_distance, ignore, .. } = *self;
+        ClosestPointOptions { max_distance, accuracy, ignore, watch }
     }
 
     pub(crate) fn overlaps<'a>(&self, watch: Option<&'a dyn Watch>) -> OverlapOptions<'a> {
@@ -189,7 +189,8 @@ impl Query {
         &self,
         watch: Option<&'a dyn Watch>,
     ) -> SceneClosestPointOptions<'a> {
-        let Query { max_distance, mask, .. } = *self;
-        SceneClosestPointOptions { max_distance, mask, ignore: self.ignored(), watch }
+        let Query { accuracy, max_distance, mask, .. } = *self;
+        let ignore = self.ignored();
+        SceneClosestPointOptions { max_distance, accuracy, mask, ignore, watch }
     }
 }

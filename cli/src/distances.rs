@@ -68,6 +68,8 @@ struct DistancesReport {
     grid: Grid,
     points: usize,
     signed: bool,
+    /// Of which the nearest triangle is: `f64` or `exact`.
+    accuracy: &'static str,
     build_ms: f64,
     answer_ms: f64,
     inside: usize,
@@ -152,6 +154,7 @@ impl Arguments {
             grid,
             points: grid.points(),
             signed: self.signed,
+            accuracy: common.nearness_name(),
             build_ms: prepared.build_ms,
             answer_ms,
             inside,
@@ -195,6 +198,7 @@ impl Arguments {
         let watch: Option<&dyn Watch> = Some(&progress::Unseen);
         let options = ClosestPointOptions {
             max_distance: self.max_distance.unwrap_or(f32::INFINITY),
+            accuracy: self.common.query_options().accuracy,
             watch,
             ..ClosestPointOptions::default()
         };

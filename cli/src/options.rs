@@ -25,7 +25,8 @@ pub(super) struct Common {
     /// How the tree is built; its knobs are listed by --help
     #[arg(long, value_enum, default_value_t = PresetName::Fast)]
     preset: PresetName,
-    /// Which ray/triangle test; `fast` may lose rays aimed at edges
+    /// Which ray/triangle test; `fast` may lose rays aimed at edges. Of closest points `exact` finds the nearest triangle
+    /// of real arithmetic, the others that of the least distance in f64
     #[arg(long, value_enum, default_value_t = AccuracyName::Watertight)]
     accuracy: AccuracyName,
     /// Threads that share the work; all cores when left out
@@ -138,6 +139,14 @@ impl Common {
     pub(super) fn query_options(&self) -> QueryOptions<'static> {
         let accuracy = self.accuracy.accuracy();
         QueryOptions { accuracy, ..QueryOptions::default() }
+    }
+
+    /// The accuracy of closest points, by name.
+    pub(super) fn nearness_name(&self) -> &'static str {
+        match self.accuracy.accuracy() {
+            Accuracy::Exact => "exact",
+            _ => "f64",
+        }
     }
 
     pub(super) fn accuracy_name(&self) -> &'static str {

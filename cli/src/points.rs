@@ -42,10 +42,10 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=4096))]
     k: u32,
     /// The greatest distance of --nearest; no limit when left out
-    #[arg(long, value_name = "DISTANCE", value_parser = distance)]
+    #[arg(long, value_name = "DISTANCE", value_parser = distance, requires = "nearest")]
     max_distance: Option<f32>,
     /// The distance of --within
-    #[arg(long, value_name = "DISTANCE", value_parser = distance)]
+    #[arg(long, value_name = "DISTANCE", value_parser = distance, requires = "within")]
     radius: Option<f32>,
     /// Write a normal for each point to this file, .npy or raw: records of f32 x, y, z, variation. It is that of the plane through the point's
     /// neighbours (least squares); the variation is their spread along it over all of their spread, 0 on a plane. Where there is no plane all
@@ -53,26 +53,26 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "FILE")]
     normals: Option<PathBuf>,
     /// Normals look to the side of this point; when left out, to where their greatest coordinate is positive
-    #[arg(long, value_name = "X,Y,Z", value_parser = point)]
+    #[arg(long, value_name = "X,Y,Z", value_parser = point, requires = "normals")]
     viewpoint: Option<[f32; 3]>,
     /// Write one byte for each point to this file, .npy or raw: 1 for those whose mean distance to their neighbours is --deviations standard
     /// deviations above the mean of all, 2 for those left out, 0 for the others
     #[arg(long, value_name = "FILE")]
     outliers: Option<PathBuf>,
     /// How far --outliers are
-    #[arg(long, value_name = "NUMBER", default_value_t = 2.0, value_parser = distance)]
+    #[arg(long, value_name = "NUMBER", default_value_t = 2.0, value_parser = distance, requires = "outliers")]
     deviations: f32,
     /// Write a cloud to this file, .ply, .npy or text, in which no two points are nearer than --spacing: the first of each neighbourhood stays
     #[arg(long, value_name = "FILE", requires = "spacing")]
     thin: Option<PathBuf>,
     /// The least distance of --thin
-    #[arg(long, value_name = "DISTANCE", value_parser = distance)]
+    #[arg(long, value_name = "DISTANCE", value_parser = distance, requires = "thin")]
     spacing: Option<f32>,
     /// Draw the cloud as this .png file, coloured by height, y up
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
     /// Width and height of the picture in pixels
-    #[arg(long, value_name = "WxH", default_value = "900x700", value_parser = size)]
+    #[arg(long, value_name = "WxH", default_value = "900x700", value_parser = size, requires = "picture")]
     size: Size,
     /// Which axis divides a node of the tree
     #[arg(long, value_enum, default_value_t = AxesName::Widest)]
@@ -132,6 +132,7 @@ impl Arguments {
                 "`{shown}` does not end in .png; the picture of a cloud is written as PNG"
             )));
         }
+        self.check_names()?;
         match self.within.as_ref().filter(|path| files::is_stream(path)) {
             Some(path) => Err(Failure::usage(format!(
                 "--within writes two files, which `{}` cannot be; give the name of a file",
@@ -139,6 +140,28 @@ impl Arguments {
             ))),
             None => Ok(()),
         }
+    }
+
+    /// Refuses to write over what is read, and two answers to one file.
+    fn check_names(&self) -> Result<(), Failure> {
+        let outputs = [&self.nearest, &self.within, &self.normals, &self.outliers, &self.thin];
+        let outputs = outputs.into_iter().chain([&self.picture]).flatten();
+        let mut taken: Vec<(PathBuf, &str)> = [Some(&self.cloud), self.queries.as_ref()]
+            .into_iter()
+            .flatten()
+            .map(|path| (place(path), "is read"))
+            .collect();
+        for path in outputs.filter(|path| !files::is_stream(path)) {
+            let own = place(path);
+            if let Some((_, use_of_it)) = taken.iter().find(|(other, _)| *other == own) {
+                return Err(Failure::usage(format!(
+                    "`{}` {use_of_it} already; give each answer a file of its own",
+                    quoted_path(path)
+                )));
+            }
+            taken.push((own, "is written"));
+        }
+        Ok(())
     }
 
     fn answer(&self) -> Result<(), Failure> {
@@ -209,4 +232,11 @@ impl Arguments {
         }
         report.tell(self.json, self.quiet, &written)
     }
+}
+
+/// Where a file is, whatever way its name goes there, as far as it exists.
+fn place(path: &Path) -> PathBuf {
+    std::fs::canonicalize(path)
+        .or_else(|_| std::path::absolute(path))
+        .unwrap_or_else(|_| path.into())
 }

@@ -38,7 +38,7 @@ impl Asked<OfMesh> {
         options: &QueryOptions<'_>,
         max_memory: Option<u64>,
     ) -> Result<splitplane::QueryReport, Failure> {
-        let QueryOptions { culling, ignore, watch, .. } = *options;
+        let QueryOptions { accuracy, culling, ignore, watch, .. } = *options;
         Ok(match self {
             Asked::Closest(rays, hits) => accelerator.closest_hits(rays, hits, options)?,
             Asked::Any(rays, hits) => accelerator.any_hits(rays, hits, options)?,
@@ -52,7 +52,8 @@ impl Asked<OfMesh> {
                 located.report.clone()
             }
             Asked::ClosestPoint { points, closest, signs, within } => {
-                let options = ClosestPointOptions { max_distance: *within, ignore, watch };
+                let options =
+                    ClosestPointOptions { max_distance: *within, accuracy, ignore, watch };
                 let mut report = accelerator.closest_points(points, closest, &options)?;
                 if let Some(located) = signs {
                     *located = accelerator.locate(points, &LocateOptions { max_memory, watch })?;

@@ -134,7 +134,7 @@ impl<A: Answers> Asked<A> {
 /// The accuracy of answers, by name.
 pub(super) fn accuracy_name(arguments: &Arguments) -> &'static str {
     match arguments.kind {
-        Kind::ClosestPoint => "f64",
+        Kind::ClosestPoint => arguments.common.nearness_name(),
         Kind::All | Kind::Inside => "exact",
         Kind::Closest | Kind::Any => arguments.common.accuracy_name(),
     }

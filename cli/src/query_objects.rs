@@ -40,7 +40,7 @@ impl Asked<OfScene> {
         options: &SceneOptions<'_>,
         max_memory: Option<u64>,
     ) -> Result<(SceneReport, bool), Failure> {
-        let SceneOptions { mask, watch, .. } = *options;
+        let SceneOptions { accuracy, mask, watch, .. } = *options;
         let of = |report: QueryReport| {
             let mut all = SceneReport::default();
             all.geometries = report;
@@ -61,7 +61,8 @@ impl Asked<OfScene> {
             }
             Asked::ClosestPoint { points, closest, signs, within } => {
                 let (max_distance, ignore) = (*within, None);
-                let options = SceneClosestPointOptions { max_distance, mask, ignore, watch };
+                let options =
+                    SceneClosestPointOptions { max_distance, accuracy, mask, ignore, watch };
                 let mut report = scene.closest_points(points, closest, &options)?;
                 if let Some(located) = signs {
                     *located = scene.locate(points, &locate)?;

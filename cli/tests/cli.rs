@@ -991,6 +991,14 @@ fn all_crossings_and_points_inside() {
         (report["hits"].as_u64(), report["kind"].as_str()),
         (Some(3), Some("closest-point"))
     );
+    assert_eq!(report["accuracy"].as_str(), Some("f64"));
+    // The nearest triangle of real arithmetic: of those that are as near the lowest.
+    let exact = [&query[..], &["--signed", "--accuracy", "exact", "--json", "--hits", "exact.bin"]]
+        .concat();
+    assert_eq!(json(&folder, &exact)["accuracy"].as_str(), Some("exact"));
+    let records = fs::read(folder.path().join("exact.bin")).unwrap();
+    let triangles = records.as_chunks::<28>().0.iter().map(|record| record[4]);
+    assert_eq!(triangles.collect::<Vec<u8>>(), [3, 3, 2, 0]);
     // A point inside is near nothing: there is no distance to be negative.
     let none = [&query[..], &["--max-distance", "0.1", "--signed", "--hits", "none.bin"]].concat();
     succeed(&folder, &none);

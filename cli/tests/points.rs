@@ -210,6 +210,22 @@ fn wrong_usage_bad_clouds_and_limits_have_their_codes() {
     fail(&folder, 2, &["points", "cloud.xyz", "--queries", "cloud.npy"]);
     fail(&folder, 2, &["points", "cloud.xyz", "--thin", "thin.xyz"]);
     fail(&folder, 2, &["points", "cloud.xyz", "--within", "within.bin"]);
+    // What is asked for is not passed over, and no file is written twice, or over what is read.
+    for unused in [
+        ["--radius", "1"],
+        ["--spacing", "1"],
+        ["--deviations", "1"],
+        ["--viewpoint", "0,0,1"],
+        ["--max-distance", "1"],
+        ["--size", "9x9"],
+    ] {
+        fail(&folder, 2, &[&["points", "cloud.xyz"][..], &unused].concat());
+    }
+    let twice = ["points", "cloud.xyz", "--normals", "a.bin", "--outliers", "./a.bin"];
+    assert!(fail(&folder, 2, &twice).contains("`./a.bin` is written already"));
+    let over = ["points", "cloud.xyz", "--normals", "./cloud.xyz"];
+    assert!(fail(&folder, 2, &over).contains("`./cloud.xyz` is read already"));
+    assert!(fs::read_to_string(path("cloud.xyz")).unwrap().starts_with("# a grid"));
     assert!(
         fail(&folder, 4, &["points", "cloud.xyz", "-q", "--max-memory", "100"]).contains("100")
     );
@@ -250,6 +266,13 @@ fn distances_on_a_grid_are_those_of_the_mesh() {
         let expected = if inside > 0.0 { -inside } else { length };
         assert!((f64::from(found) - expected).abs() < 1e-6, "{at:?}: {found} {expected}");
     }
+    // Exactly: the same distances of the nearest triangles.
+    let exact = json(&folder, &[&asked[..], &["--accuracy", "exact"]].concat());
+    assert_eq!(
+        (report["accuracy"].as_str(), exact["accuracy"].as_str()),
+        (Some("f64"), Some("exact"))
+    );
+    assert_eq!(fs::read(folder.path().join("grid.npy")).unwrap(), bytes);
     // Unsigned, and not beyond a limit.
     succeed(&folder, &[&grid[..], &["--step", "1", "--max-distance", "0.5"]].concat());
     let numbers = floats(&folder, "grid.npy");

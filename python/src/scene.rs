@@ -547,7 +547,7 @@ impl Scene {
         &self,
         py: Python<'_>,
         points: PyReadonlyArray2<'_, f32>,
-        options: (f32, u32, Option<(u32, u32)>),
+        options: (f32, u32, Option<(u32, u32)>, String),
         mut squared: PyReadwriteArray1<'_, f64>,
         mut closest: PyReadwriteArray2<'_, f32>,
         names: (PyReadwriteArray1<'_, u32>, PyReadwriteArray1<'_, u32>, PyReadwriteArray1<'_, u32>),
@@ -556,7 +556,8 @@ impl Scene {
     ) -> PyResult<Counts> {
         let ((mut u, mut v), (mut triangle, mut geometry, mut instance)) = (weights, names);
         let points = rows::<f32, 3>(&points, "points")?;
-        let (max_distance, mask, ignore) = options;
+        let (max_distance, mask, ignore, name) = options;
+        let accuracy = accuracy(&name)?;
         let (total, state, ignore) = (points.len(), self.current()?, ignored(ignore));
         let (squared, closest) =
             (room(&mut squared, total)?, room_for_rows::<f32, 3>(&mut closest, total)?);
@@ -572,7 +573,8 @@ impl Scene {
                 let found = &mut found[..here.len()];
                 let part = Part { watcher, first, total };
                 let watch: Option<&dyn Watch> = Some(&part);
-                let options = SceneClosestPointOptions { max_distance, mask, ignore, watch };
+                let options =
+                    SceneClosestPointOptions { max_distance, accuracy, mask, ignore, watch };
                 let given = &points[here.clone()];
                 let ordered = ordered(given)?;
                 let asked = ordered.as_ref().map_or(given, |ordered| &ordered.points[..]);

@@ -349,7 +349,7 @@ impl Tree {
         &self,
         py: Python<'_>,
         points: PyReadonlyArray2<'_, f32>,
-        options: (f32, Option<u32>),
+        options: (f32, Option<u32>, String),
         mut squared: PyReadwriteArray1<'_, f64>,
         mut closest: PyReadwriteArray2<'_, f32>,
         mut triangle: PyReadwriteArray1<'_, u32>,
@@ -358,7 +358,8 @@ impl Tree {
         call: Call,
     ) -> PyResult<Counts> {
         let points = rows::<f32, 3>(&points, "points")?;
-        let (max_distance, ignore) = options;
+        let (max_distance, ignore, name) = options;
+        let accuracy = accuracy(&name)?;
         let (total, state) = (points.len(), self.read()?);
         state.opened.check_process()?;
         let closest = room_for_rows::<f32, 3>(&mut closest, total)?;
@@ -372,7 +373,8 @@ impl Tree {
                 let here = first..total.min(first + CHUNK);
                 let found = &mut found[..here.len()];
                 let part = Part { watcher, first, total };
-                let options = ClosestPointOptions { max_distance, ignore, watch: Some(&part) };
+                let watch: Option<&dyn Watch> = Some(&part);
+                let options = ClosestPointOptions { max_distance, accuracy, ignore, watch };
                 let given = &points[here.clone()];
                 let ordered = ordered(given)?;
                 let asked = ordered.as_ref().map_or(given, |ordered| &ordered.points[..]);

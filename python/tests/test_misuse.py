@@ -101,6 +101,7 @@ def of_points(name: str, made: Any) -> Iterator[Misuse]:
         settings += [("progress", value) for value in (5, "x")]
         if method == "closest_points":
             settings += [("max_distance", value) for value in ("a", [1, 2], None, True, 1j, 1e300, object())]
+            settings += [("accuracy", value) for value in ("x", "Exact", 5, None, "")]
         if method in ("contains", "signed_distance"):
             settings += [("rule", value) for value in ("odd", "", None, 5)]
         if method == "locate":

@@ -12,7 +12,7 @@ import pytest
 from brute import closest_brute, hits_brute, sphere
 
 import splitplane
-from splitplane import MISS, Tree
+from splitplane import MISS, Scene, Tree
 
 RAYS = np.random.default_rng(1)
 
@@ -232,6 +232,31 @@ def test_closest_points_are_those_of_brute_force(tree: Tree, ball: tuple[np.ndar
     near = tree.closest_points(points, max_distance=0.25)
     np.testing.assert_array_equal(near.found, found.distance <= 0.25)
     assert np.isinf(near.distance[~near.found]).all() and np.isnan(near.point[~near.found]).all()
+
+
+def test_the_nearest_face_is_exact_if_asked() -> None:
+    """Of faces that are as near the lowest, where roundings prefer another; and the greatest distance is compared exactly."""
+    a = np.float32([[0.1, 0.2, 0.7], [0.9, 0.3, 0.1], [0.4, 0.8, 0.5]])
+    turned = [a, a[:, [1, 2, 0]], a[:, [2, 0, 1]]]
+    vertices, faces = np.concatenate(turned), np.arange(9).reshape(3, 3)
+    orders = ([0, 1, 2], [1, 2, 0], [2, 0, 1])
+    middle = np.float32([[x, x, x] for x in np.linspace(-2, 2, 101)])
+    for order in orders:
+        for made in (Tree.build(vertices, faces[order]), scene_of(vertices, faces[order])):
+            found = made.closest_points(middle, accuracy="exact")
+            assert (found.triangle == 0).all()
+            usual = made.closest_points(middle)
+            np.testing.assert_allclose(found.distance, usual.distance, rtol=1e-12)
+    square = Tree.build([[3, 4, 0], [9, 4, 0], [3, 9, 0]], [[0, 1, 2]])
+    for limit, some in ((5, True), (np.nextafter(np.float32(5), np.float32(0)), False)):
+        assert square.closest_points([0, 0, 0], accuracy="exact", max_distance=float(limit)).found == some
+
+
+def scene_of(vertices: np.ndarray, faces: np.ndarray) -> Scene:
+    scene = Scene()
+    scene.add_instance(scene.add_geometry(vertices, faces))
+    scene.update()
+    return scene
 
 
 def test_points_on_the_surface_are_known(tree: Tree) -> None:

@@ -151,6 +151,8 @@ export interface ClosestPoints {
 export interface ClosestPointOptions extends Watched {
     /** Points farther away are not looked for. */
     maxDistance?: number;
+    /** Both are the same for closest points; `exact` is not offered here, and refused. */
+    accuracy?: "fast" | "watertight";
     /** A triangle that is ignored. */
     ignore?: number;
 }

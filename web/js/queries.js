@@ -1,9 +1,9 @@
 // The queries of a tree, and the form of their answers.
 
-import { NONE, batch, queryOptions } from "./batch.js";
+import { ACCURACIES, NONE, batch, queryOptions } from "./batch.js";
 import { SplitplaneError } from "./error.js";
 import { limit } from "./mesh.js";
-import { WasmArray, count, number } from "./module.js";
+import { WasmArray, choice, count, number } from "./module.js";
 
 /** One column of records of `wide` words. */
 export function column(words, total, wide, place, type) {
@@ -58,8 +58,11 @@ export const near = batch({
     type: Float32Array,
     each: 3,
     answerWords: (total) => 8 * total,
-    prepare: ({ maxDistance = Infinity, ignore, into }) => {
+    prepare: ({ maxDistance = Infinity, accuracy = "watertight", ignore, into }) => {
         number(maxDistance, "maxDistance");
+        if (ACCURACIES[choice(accuracy, "accuracy", ACCURACIES)] === "exact") {
+            throw new SplitplaneError("config", "closest points of accuracy `exact` are not offered in WebAssembly; leave accuracy out");
+        }
         if (!(maxDistance >= 0)) throw new SplitplaneError("config", `maxDistance is ${maxDistance}, but must be 0 or more`);
         return { maxDistance, ignore: ignore === undefined || ignore === null ? NONE : count(ignore, "ignore"), into };
     },

@@ -267,7 +267,7 @@ impl Tree {
         found.try_reserve_exact(points.len()).map_err(memory)?;
         found.resize(points.len(), ClosestPoint::NONE);
         watched(called, |watch| {
-            let options = ClosestPointOptions { max_distance, ignore, watch };
+            let options = ClosestPointOptions { max_distance, ignore, watch, ..Default::default() };
             self.accelerator.closest_points(points, &mut found, &options)
         })
         .map_err(Failure::from)?;

@@ -71,6 +71,8 @@ test("each error has its code and the library's text", () => {
     wrong(() => tree.closestHit([0, 0, "1"], [0, 0, 1]), "type", /three numbers/);
     wrong(() => tree.allHits(rays(4, 1), { maxMemory: 1 }), "out-of-memory", /raise the limit/);
     wrong(() => tree.closestPoints(new Float32Array(3), { maxDistance: -1 }), "config", /maxDistance/);
+    wrong(() => tree.closestPoints(new Float32Array(3), { accuracy: "exact" }), "config", /not offered/);
+    wrong(() => tree.closestPoints(new Float32Array(3), { accuracy: "Fast" }), "config", /no accuracy/);
     tree.free();
     small.free();
     wrong(() => tree.digest, "freed", /Tree was freed/);

@@ -1,7 +1,9 @@
 //! Closest points of a batch.
 
 use splitplane_core::error::{QueryError, refused};
-use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions, check_lengths};
+use splitplane_core::query::closest_point::{
+    ClosestPoint, ClosestPointOptions, check_accuracy, check_lengths,
+};
 use splitplane_core::report::QueryReport;
 use splitplane_core::watch::Stage;
 
@@ -25,6 +27,7 @@ impl CpuAccelerator {
     ) -> Result<QueryReport, QueryError> {
         let meter = &ProgressMeter::of(options.watch);
         check_lengths(points.len(), closest.len())?;
+        check_accuracy(options.accuracy)?;
         meter.begin_stage(Stage::Rays, points.len() as u64);
         let parts = Parts { task: TASK, few: if meter.is_watched() { FEW } else { TASK } };
         let layout = &self.layout;

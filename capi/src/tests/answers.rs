@@ -604,6 +604,13 @@ fn scenes_answer_as_the_library_does() {
         done(splitplane_scene_locate(scene, start, 12, 700, null(), numbers, 4, none));
     }
     assert_eq!(found, closest);
+    let nearest = SceneClosestPointOptions { accuracy: Accuracy::Exact, ..nearest };
+    own.closest_points(&given, &mut closest, &nearest).unwrap();
+    let mut exact = options;
+    exact.accuracy = 2;
+    // SAFETY: as above.
+    done(unsafe { splitplane_scene_closest_points(scene, start, 12, 700, &exact, room, 40, none) });
+    assert_eq!(found, closest);
     for (own, expected) in windings.iter().zip(&located.windings) {
         assert_eq!(*own, expected.unwrap_or(BOUNDARY));
     }

@@ -36,7 +36,7 @@ fn split(a: f64) -> (f64, f64) {
 
 /// `a * b` without error.
 #[inline]
-fn two_product(a: f64, b: f64) -> Doubled {
+pub(super) fn two_product(a: f64, b: f64) -> Doubled {
     let high = a * b;
     let ((a, c), (b, d)) = (split(a), split(b));
     Doubled { high, low: c * d - (((high - a * b) - c * b) - a * d) }

@@ -2,33 +2,34 @@
 //!
 //! A finite `f32` is a whole multiple of 2^-149 below 2^277 of them, and so is the difference of two,
 //! below 2^278. The largest number here is the product of two such triple products (comparing two
-//! distances): six factors, 1,668 bits, and a few more for sums. 28 limbs of 64 bits hold 1,792.
+//! distances along a ray): six factors, 1,668 bits, and a few more for sums. 28 limbs of 64 bits hold 1,792.
+//! Distances of triangles from a point take more ([`Wide`](super::foot)).
 
 use core::cmp::Ordering;
 
-/// Limbs of 64 bits.
-const LIMBS: usize = 28;
+/// Whole numbers of 28 limbs.
+pub(super) type Integer = Whole<28>;
 
-/// A whole number: its sign, and its magnitude with the lowest limb first.
+/// A whole number: its sign, and its magnitude of so many limbs of 64 bits, the lowest first.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Integer {
+pub(super) struct Whole<const LIMBS: usize> {
     negative: bool,
     /// Limbs in use; the highest of them is not 0.
     len: usize,
     limbs: [u64; LIMBS],
 }
 
-impl Integer {
+impl<const LIMBS: usize> Whole<LIMBS> {
     /// 0.
-    pub(super) const ZERO: Integer = Integer { negative: false, len: 0, limbs: [0; LIMBS] };
+    pub(super) const ZERO: Self = Whole { negative: false, len: 0, limbs: [0; LIMBS] };
 
     /// A finite float, in units of 2^-149.
-    pub(super) fn from_float(x: f32) -> Integer {
+    pub(super) fn from_float(x: f32) -> Self {
         let bits = x.to_bits();
         let (biased, fraction) = ((bits >> 23) & 0xff, u64::from(bits & 0x7f_ffff));
         let (mantissa, shift) =
             if biased == 0 { (fraction, 0) } else { (fraction | 1 << 23, biased as usize - 1) };
-        let mut out = Integer::ZERO;
+        let mut out = Self::ZERO;
         if mantissa == 0 {
             return out;
         }
@@ -44,8 +45,8 @@ impl Integer {
     }
 
     /// `a - b` of two finite floats, in units of 2^-149.
-    pub(super) fn difference(a: f32, b: f32) -> Integer {
-        Integer::from_float(a).minus(&Integer::from_float(b))
+    pub(super) fn difference(a: f32, b: f32) -> Self {
+        Self::from_float(a).minus(&Self::from_float(b))
     }
 
     fn trim(&mut self) {
@@ -54,7 +55,7 @@ impl Integer {
         }
     }
 
-    fn compare_magnitude(&self, other: &Integer) -> Ordering {
+    fn compare_magnitude(&self, other: &Self) -> Ordering {
         self.len.cmp(&other.len).then_with(|| {
             let (a, b) = (&self.limbs[..self.len], &other.limbs[..other.len]);
             a.iter().rev().cmp(b.iter().rev())
@@ -71,29 +72,29 @@ impl Integer {
     }
 
     /// The number with the other sign.
-    pub(super) fn negated(mut self) -> Integer {
+    pub(super) fn negated(mut self) -> Self {
         self.negative = !self.negative;
         self
     }
 
     /// The sum of both.
-    pub(super) fn plus(&self, other: &Integer) -> Integer {
+    pub(super) fn plus(&self, other: &Self) -> Self {
         if self.negative == other.negative {
             return self.with_magnitude_added(other);
         }
         match self.compare_magnitude(other) {
             Ordering::Less => other.with_magnitude_taken(self),
-            Ordering::Equal => Integer::ZERO,
+            Ordering::Equal => Self::ZERO,
             Ordering::Greater => self.with_magnitude_taken(other),
         }
     }
 
     /// The difference of both.
-    pub(super) fn minus(&self, other: &Integer) -> Integer {
+    pub(super) fn minus(&self, other: &Self) -> Self {
         self.plus(&other.negated())
     }
 
-    fn with_magnitude_added(&self, other: &Integer) -> Integer {
+    fn with_magnitude_added(&self, other: &Self) -> Self {
         let mut out = *self;
         let len = self.len.max(other.len);
         let mut carry = false;
@@ -111,7 +112,7 @@ impl Integer {
     }
 
     /// `other`'s magnitude must not be the greater one.
-    fn with_magnitude_taken(&self, other: &Integer) -> Integer {
+    fn with_magnitude_taken(&self, other: &Self) -> Self {
         let mut out = *self;
         let mut borrow = false;
         for i in 0..self.len {
@@ -124,8 +125,8 @@ impl Integer {
     }
 
     /// The product of both.
-    pub(super) fn times(&self, other: &Integer) -> Integer {
-        let mut out = Integer::ZERO;
+    pub(super) fn times(&self, other: &Self) -> Self {
+        let mut out = Self::ZERO;
         if self.len == 0 || other.len == 0 {
             return out;
         }
@@ -166,8 +167,8 @@ impl Integer {
     }
 
     /// The magnitude times a power of two, which must leave it whole and within the limbs.
-    fn shifted(&self, by: i32) -> Integer {
-        let mut out = Integer::ZERO;
+    fn shifted(&self, by: i32) -> Self {
+        let mut out = Self::ZERO;
         out.len = ((self.bits() + by).max(0) as usize).div_ceil(64);
         for i in 0..out.len {
             out.limbs[i] = self.window(i as i32 * 64 - by);

@@ -11,6 +11,10 @@
 
 pub(crate) mod cell;
 mod doubled;
+#[cfg(feature = "alloc")]
+mod enclosed;
+#[cfg(feature = "alloc")]
+pub(crate) mod foot;
 mod integer;
 mod meeting;
 #[cfg(feature = "alloc")]

@@ -4,10 +4,10 @@
 
 use core::cmp::Ordering;
 
-use super::integer::Integer;
+use super::integer::{Integer, Whole};
 use super::meeting::EPSILON;
 
-/// Sums, differences and products of floats. A predicate of degree 6 in floats fits.
+/// Sums, differences and products of floats. A predicate of degree 6 in floats fits [`Bounded`] and [`Integer`].
 pub(super) trait Number: Clone {
     /// A finite float.
     fn of(x: f32) -> Self;
@@ -20,24 +20,24 @@ pub(super) trait Number: Clone {
     fn sign(&self) -> Option<Ordering>;
 }
 
-impl Number for Integer {
-    fn of(x: f32) -> Integer {
-        Integer::from_float(x)
+impl<const LIMBS: usize> Number for Whole<LIMBS> {
+    fn of(x: f32) -> Self {
+        Self::from_float(x)
     }
-    fn difference(a: f32, b: f32) -> Integer {
-        Integer::difference(a, b)
+    fn difference(a: f32, b: f32) -> Self {
+        Whole::difference(a, b)
     }
-    fn plus(&self, other: &Integer) -> Integer {
-        Integer::plus(self, other)
+    fn plus(&self, other: &Self) -> Self {
+        Whole::plus(self, other)
     }
-    fn minus(&self, other: &Integer) -> Integer {
-        Integer::minus(self, other)
+    fn minus(&self, other: &Self) -> Self {
+        Whole::minus(self, other)
     }
-    fn times(&self, other: &Integer) -> Integer {
-        Integer::times(self, other)
+    fn times(&self, other: &Self) -> Self {
+        Whole::times(self, other)
     }
     fn sign(&self) -> Option<Ordering> {
-        Some(Integer::sign(self))
+        Some(Whole::sign(self))
     }
 }
 
@@ -49,7 +49,7 @@ pub(super) struct Bounded {
 }
 
 /// Errors are sums of a few roundings, and err by few themselves.
-const WIDER: f64 = 1.0 + 16.0 * f64::EPSILON;
+pub(super) const WIDER: f64 = 1.0 + 16.0 * f64::EPSILON;
 
 impl Bounded {
     /// A sum: what it loses is known (Knuth's two-sum).

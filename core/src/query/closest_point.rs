@@ -18,16 +18,25 @@
 //! *How good it is.* The computed distance is also never less than the true one by more than that. How much greater it may be is measured
 //! against rational arithmetic (`backend-cpu/tests/closest_point.rs`).
 //!
+//! *Accuracy `exact`.* The least (squared distance, triangle) of real arithmetic: ranges of distances are compared, and where they overlap, whole numbers decide
+//! (`contest.rs`). What is said of its closest point is computed as above. A box is passed over only where it is farther than the best one's computed distance and the
+//! slack, which is more than that distance errs by, so no triangle that is as near is passed over either.
+//!
 //! Triangles that the build drops (equal corners, or a coordinate that is not finite) do not count. Triangles without area do:
 //! they are their edges. Coordinates count as snapped (below 2^-126 as 0), those of points too.
 
+mod contest;
+
 use core::ops::ControlFlow;
+
+pub(crate) use contest::{Contender, Contest};
 
 use crate::aabb::Aabb;
 use crate::arithmetic::{snap, sqrt};
 use crate::cancel::go_on_tracing;
 use crate::error::{QueryError, refused};
 use crate::query::traverse::Triangles;
+use crate::ray::Accuracy;
 use crate::report::QueryReport;
 use crate::tree::KdTreeView;
 use crate::triangle::Triangle;
@@ -87,6 +96,10 @@ pub struct ClosestPointOptions<'a> {
     /// Points farther away than this are not looked for, in units of the mesh; one at just this distance counts. Infinity
     /// for no limit; nothing is within a NaN or a negative distance. A small limit makes the search faster.
     pub max_distance: f32,
+    /// Which triangle is the closest: by [`Accuracy::Exact`] that of real arithmetic, for the coordinates as they are after snapping, and the greatest distance is
+    /// compared with the exact one; by any other that of the least distance as it is computed in `f64`. Distance, place and weights are
+    /// those that are computed of the triangle in `f64`, by each.
+    pub accuracy: Accuracy,
     /// One triangle to ignore, by its index in the caller's mesh.
     pub ignore: Option<u32>,
     /// Receives the number of points that are done, and may cancel the batch; `None` for no watch.
@@ -95,7 +108,12 @@ pub struct ClosestPointOptions<'a> {
 
 impl Default for ClosestPointOptions<'_> {
     fn default() -> Self {
-        ClosestPointOptions { max_distance: f32::INFINITY, ignore: None, watch: None }
+        ClosestPointOptions {
+            max_distance: f32::INFINITY,
+            accuracy: Accuracy::default(),
+            ignore: None,
+            watch: None,
+        }
     }
 }
 
@@ -112,6 +130,24 @@ pub struct Search {
     best: ClosestPoint,
     /// See [`Search::stop`].
     stop: f64,
+    /// Of accuracy `exact`.
+    contest: Option<Contest<u32>>,
+}
+
+/// Whether closest points of accuracy `exact` are offered: not in browsers, whose parts they would make larger.
+pub(crate) const EXACT: bool = !cfg!(target_family = "wasm");
+
+/// Refuses an accuracy of closest points that is not offered.
+///
+/// # Errors
+/// [`QueryError::Unsupported`] for [`Accuracy::Exact`] in WebAssembly.
+pub fn check_accuracy(accuracy: Accuracy) -> Result<(), QueryError> {
+    match accuracy {
+        Accuracy::Exact if !EXACT => {
+            Err(QueryError::Unsupported { query: "closest points of accuracy `exact`" })
+        }
+        _ => Ok(()),
+    }
 }
 
 impl Search {
@@ -132,10 +168,12 @@ impl Search {
             return None;
         }
         let slack = slack(point, bounds);
+        let contest = (EXACT && options.accuracy == Accuracy::Exact)
+            .then(|| Contest::new(point, options.max_distance));
         let point = point.map(f64::from);
         let limit = limit * limit;
         let (ignore, best) = (options.ignore, ClosestPoint::NONE);
-        Some(Search { point, ignore, slack, limit, best, stop: widened(limit, slack) })
+        Some(Search { point, ignore, slack, limit, best, stop: widened(limit, slack), contest })
     }
 
     /// A box is of no interest where its squared distance is greater than this, which allows for an error of that distance of
@@ -150,6 +188,9 @@ impl Search {
         if self.ignore == Some(triangle) {
             return false;
         }
+        if EXACT && self.contest.is_some() {
+            return self.test_exactly(corners, triangle);
+        }
         let mut found = of_triangle(self.point, corners);
         found.triangle = triangle;
         let better = found.distance_squared <= self.limit && found.precedes(&self.best);
@@ -158,6 +199,29 @@ impl Search {
             self.stop = widened(found.distance_squared, self.slack);
         }
         better
+    }
+
+    /// [`Search::test`] by accuracy `exact`.
+    #[cold]
+    #[inline(never)]
+    fn test_exactly(&mut self, corners: &Triangle, triangle: u32) -> bool {
+        let Some(contest) = &mut self.contest else { return false };
+        let about = corners.map(|corner| corner.map(f64::from));
+        let (own, found) = Contender::new(self.point, about, self.slack, (corners, None), triangle);
+        let better = contest.enter(own);
+        if better {
+            self.best = ClosestPoint { triangle, ..found };
+            self.stop = widened(found.distance_squared, self.slack);
+        }
+        better
+    }
+
+    /// The square of a distance that the closest triangle so far is certainly within, as distances are compared; infinity where there is none.
+    pub fn farthest_squared(&self) -> f64 {
+        match &self.contest {
+            Some(contest) if EXACT => contest.farthest_squared(),
+            _ => self.best.distance_squared,
+        }
     }
 
     /// The given point, snapped.
@@ -231,6 +295,12 @@ pub fn of_triangle(point: [f64; 3], corners: &Triangle) -> ClosestPoint {
 
 /// [`of_triangle`] of a triangle whose corners are not rounded to `f32`. Coordinates must not be beyond the greatest `f32`.
 pub fn of_corners(point: [f64; 3], corners: [[f64; 3]; 3]) -> ClosestPoint {
+    nearest(point, corners).0
+}
+
+/// [`of_corners`], and where that is as seen from the point.
+#[inline(always)]
+fn nearest(point: Vector, corners: [Vector; 3]) -> (ClosestPoint, Vector) {
     let [a, b, c] = corners;
     let (to_a, e, f) = (difference(a, point), difference(b, a), difference(c, a));
     let mut best = (f64::INFINITY, [0.0; 2], [0.0; 3]);
@@ -262,13 +332,14 @@ pub fn of_corners(point: [f64; 3], corners: [[f64; 3]; 3]) -> ClosestPoint {
     let along = part(-dot(to_b, g), dot(g, g));
     consider(1.0 - along, along);
     let (distance_squared, [v, w], to) = best;
-    ClosestPoint {
+    let found = ClosestPoint {
         distance_squared,
         point: [0, 1, 2].map(|axis| (point[axis] + to[axis]) as f32),
         triangle: 0,
         u: v as f32,
         v: w as f32,
-    }
+    };
+    (found, to)
 }
 
 fn cross(a: Vector, b: Vector) -> Vector {
@@ -301,13 +372,14 @@ const BYTES: u64 = 4096;
 /// `tree` must be valid (see [`tree::validate`](crate::tree::validate)).
 ///
 /// # Errors
-/// [`QueryError::OutOfMemory`] where the system has no memory for the search.
+/// [`QueryError::OutOfMemory`] where the system has no memory for the search, and those of [`check_accuracy`].
 pub fn closest_point(
     tree: &KdTreeView<'_>,
     triangles: &(impl Triangles + ?Sized),
     point: [f32; 3],
     options: &ClosestPointOptions<'_>,
 ) -> Result<ClosestPoint, QueryError> {
+    check_accuracy(options.accuracy)?;
     let Some(search) = Search::new(point, &tree.bounds, options) else {
         return Ok(ClosestPoint::NONE);
     };

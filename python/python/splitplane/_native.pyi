@@ -103,7 +103,7 @@ class Tree:
     def closest_points(
         self,
         points: F32,
-        options: tuple[float, int | None],
+        options: tuple[float, int | None, str],
         squared: F64,
         closest: F32,
         triangle: U32,
@@ -154,7 +154,7 @@ class Scene:
     def closest_points(
         self,
         points: F32,
-        options: tuple[float, int, tuple[int, int] | None],
+        options: tuple[float, int, tuple[int, int] | None, str],
         squared: F64,
         closest: F32,
         names: tuple[U32, U32, U32],

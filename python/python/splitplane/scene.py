@@ -217,14 +217,23 @@ class Scene(Edits):
         points: Any,
         *,
         max_distance: float = np.inf,
+        accuracy: str = "watertight",
         mask: int = MISS,
         ignore: tuple[int, int] | None = None,
         threads: int | None = None,
         progress: Progress | None = None,
     ) -> SceneClosestPoints:
-        """The closest point to each point, in the world: least (distance, instance, triangle)."""
+        """The closest point to each point, in the world: least (distance, instance, triangle).
+
+        accuracy: as for :meth:`Tree.closest_points`; ``exact`` is of the instances' matrices as they are, in float32, and not for shapes.
+        """
         native = self._native
-        options = (arrays.number(max_distance, "max_distance"), arrays.whole(mask, "mask"), ignored_instance(ignore))
+        options = (
+            arrays.number(max_distance, "max_distance"),
+            arrays.whole(mask, "mask"),
+            ignored_instance(ignore),
+            arrays.text(accuracy, "accuracy"),
+        )
         call = arrays.call(threads, progress)
         rows, leading, rounded = points_of(points, None)
         count = (len(rows),)

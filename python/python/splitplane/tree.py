@@ -462,6 +462,7 @@ class Tree(Handle[_native.Tree]):
         points: Any,
         *,
         max_distance: float = np.inf,
+        accuracy: str = "watertight",
         ignore: int | None = None,
         threads: int | None = None,
         progress: Progress | None = None,
@@ -469,9 +470,15 @@ class Tree(Handle[_native.Tree]):
         """The closest point of the surface to each point: least (distance, triangle).
 
         max_distance: farther ones are not looked for, in the unit of the mesh; a small one makes the search faster.
+        accuracy: with ``exact``, ``triangle`` is the nearest one in real arithmetic, of equal ones the lowest; with ``watertight`` and ``fast``,
+        that of the least distance as computed in float64. Distance, point and weights are computed in float64 by each.
         """
         native = self._native
-        options = (arrays.number(max_distance, "max_distance"), arrays.maybe_whole(ignore, "ignore"))
+        options = (
+            arrays.number(max_distance, "max_distance"),
+            arrays.maybe_whole(ignore, "ignore"),
+            arrays.text(accuracy, "accuracy"),
+        )
         call = arrays.call(threads, progress)
         rows, leading, rounded = points_of(points, self._origin)
         count = (len(rows),)

@@ -7,8 +7,10 @@ use splitplane_core::backend::scene::{
 use splitplane_core::mesh::Mesh;
 use splitplane_core::points::nearest::Neighbour;
 use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions, of_triangle};
-use splitplane_core::scene::{IgnoredTriangle, Scene};
+use splitplane_core::scene::{IgnoredTriangle, InstanceId, Scene};
 use splitplane_core::triangle::prepare;
+
+use crate::rational::{self, Rational};
 
 /// Whether anything can be near: a point of floats, and a distance that something may be within.
 fn asks<const N: usize>(point: [f32; N], max_distance: f32) -> bool {
@@ -38,6 +40,79 @@ pub fn closest_point(
         }
     }
     best
+}
+
+/// The nearest triangle of a mesh in rational arithmetic: of several that are as near the lowest.
+pub fn nearest_triangle(
+    mesh: &Mesh<'_>,
+    point: [f32; 3],
+    options: &ClosestPointOptions<'_>,
+) -> Option<u32> {
+    if !asks(point, options.max_distance) {
+        return None;
+    }
+    let limit = options.max_distance;
+    let limit = limit.is_finite().then(|| rational::square(limit, false));
+    let mut best: Option<(Rational, u32)> = None;
+    for index in (0..mesh.len() as u32).filter(|&index| options.ignore != Some(index)) {
+        let triangle = prepare(&mesh.triangle(index as usize));
+        if triangle.kept {
+            enter(&mut best, limit.as_ref(), index, || {
+                rational::squared_distance(&triangle.corners, point)
+            });
+        }
+    }
+    best.map(|(_, triangle)| triangle)
+}
+
+/// Takes what is nearer than the best one so far: what comes first has the lower number.
+fn enter<T>(
+    best: &mut Option<(Rational, T)>,
+    limit: Option<&Rational>,
+    name: T,
+    squared: impl FnOnce() -> Rational,
+) {
+    let own = squared();
+    if limit.is_none_or(|limit| own <= *limit) && best.as_ref().is_none_or(|(best, _)| own < *best)
+    {
+        *best = Some((own, name));
+    }
+}
+
+/// The nearest triangle of a scene of meshes in rational arithmetic: its instance and its index.
+pub fn scene_nearest_triangle(
+    scene: &Scene,
+    point: [f32; 3],
+    options: &SceneClosestPointOptions<'_>,
+) -> Option<(InstanceId, u32)> {
+    if !asks(point, options.max_distance) {
+        return None;
+    }
+    let from = point.map(|x| f64::from(snap(x)));
+    let limit = options.max_distance;
+    let limit = limit.is_finite().then(|| rational::square(limit, true));
+    let mut best: Option<(Rational, (InstanceId, u32))> = None;
+    for (name, instance) in scene.instances() {
+        if instance.mask & options.mask == 0 {
+            continue;
+        }
+        let mesh = scene.geometry(instance.geometry).expect("an instance's geometry").mesh();
+        for triangle in 0..mesh.len() as u32 {
+            let prepared = prepare(&mesh.triangle(triangle as usize));
+            let ignored = IgnoredTriangle { instance: name, triangle };
+            let fits = closest_in_world(from, &instance.transform, &prepared.corners).is_some();
+            if prepared.kept && fits && options.ignore != Some(ignored) {
+                enter(&mut best, limit.as_ref(), (name, triangle), || {
+                    rational::squared_distance_in_world(
+                        &instance.transform,
+                        &prepared.corners,
+                        point,
+                    )
+                });
+            }
+        }
+    }
+    best.map(|(_, name)| name)
 }
 
 /// The closest point of a scene of meshes.

@@ -150,17 +150,47 @@ fn dot(a: &Vector, b: &Vector) -> BigInt {
 
 /// The square of the distance from a point to a triangle, exactly: to its plane above the inside, else to the nearest edge.
 pub fn distance_squared(corners: &[[f32; 3]; 3], point: [f32; 3]) -> f64 {
-    let [a, b, c] = corners.map(vector);
-    let point = vector(point);
+    // Of multiples of 2^-149, squared.
+    squared_distance(corners, point).scaled_to_f64(-298)
+}
+
+/// [`distance_squared`], in squares of 2^-149.
+pub fn squared_distance(corners: &[[f32; 3]; 3], point: [f32; 3]) -> Rational {
+    least_squared(&corners.map(vector), &vector(point))
+}
+
+/// The same of a triangle under a transform, in squares of 2^-298. The transform's numbers count as they are.
+pub fn squared_distance_in_world(
+    transform: &[[f32; 4]; 3],
+    corners: &[[f32; 3]; 3],
+    point: [f32; 3],
+) -> Rational {
+    let corners = corners.map(|corner| {
+        let corner = vector(corner);
+        transform.map(|[x, y, z, moved]| {
+            let turned = dot(&[x, y, z].map(whole), &corner);
+            turned + (whole(moved) << 149)
+        })
+    });
+    least_squared(&corners, &vector(point).map(|x| x << 149))
+}
+
+/// The square of a float, in squares of 2^-149; of 2^-298 in the world.
+pub fn square(x: f32, in_world: bool) -> Rational {
+    let x = whole(x) << if in_world { 149 } else { 0 };
+    Rational::new(&x * &x, BigInt::from(1))
+}
+
+fn least_squared([a, b, c]: &[Vector; 3], point: &Vector) -> Rational {
     let mut least: Option<Rational> = None;
     let mut consider = |found: Rational| {
         if least.as_ref().is_none_or(|least| found < *least) {
             least = Some(found);
         }
     };
-    let edges = [(&a, &b), (&b, &c), (&c, &a)];
+    let edges = [(a, b), (b, c), (c, a)];
     for (from, to) in edges {
-        let (way, edge) = (minus(&point, from), minus(to, from));
+        let (way, edge) = (minus(point, from), minus(to, from));
         let (along, length) = (dot(&way, &edge), dot(&edge, &edge));
         consider(Rational::new(dot(&way, &way), BigInt::from(1)));
         if along.sign() == Sign::Plus && along < length {
@@ -168,18 +198,17 @@ pub fn distance_squared(corners: &[[f32; 3]; 3], point: [f32; 3]) -> f64 {
             consider(Rational::new(above, length));
         }
     }
-    let normal = cross(&minus(&b, &a), &minus(&c, &a));
+    let normal = cross(&minus(b, a), &minus(c, a));
     let squared = dot(&normal, &normal);
     let inside = edges.iter().all(|(from, to)| {
-        let turn = cross(&minus(to, from), &minus(&point, from));
+        let turn = cross(&minus(to, from), &minus(point, from));
         dot(&normal, &turn).sign() != Sign::Minus
     });
     if squared.sign() == Sign::Plus && inside {
-        let height = dot(&normal, &minus(&point, &a));
+        let height = dot(&normal, &minus(point, a));
         consider(Rational::new(&height * &height, squared));
     }
-    // Of multiples of 2^-149, squared.
-    least.map_or(f64::NAN, |least| least.scaled_to_f64(-298))
+    least.expect("an edge")
 }
 
 /// A ray in whole numbers.

@@ -16,7 +16,7 @@ use splitplane_core::points::tree::Axes;
 use splitplane_core::query::cast::{Cast, CastOptions, CastSearch, Impact};
 use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions, slack};
 use splitplane_core::query::overlap::{OverlapOptions, Plane, Volume};
-use splitplane_core::ray::Ray;
+use splitplane_core::ray::{Accuracy, Ray};
 use splitplane_core::triangle::{Triangle, prepare};
 use splitplane_cpu::{CpuBackend, CpuPointTree};
 use splitplane_test_support::{near, overlap, rational};
@@ -105,7 +105,8 @@ impl Own {
     fn closest_points(&self, mesh: &Mesh<'_>, tree: &dyn Accelerator, source: &mut Source<'_>) {
         let points: Vec<[f32; 3]> = (0..1 + source.below(4)).map(|_| self.point(source)).collect();
         let max_distance = if source.once_in(3) { source.number() } else { f32::INFINITY };
-        let options = ClosestPointOptions { max_distance, ignore: self.ignore, watch: None };
+        let options =
+            ClosestPointOptions { max_distance, ignore: self.ignore, ..Default::default() };
         let batch: Vec<[f32; 3]> = points.iter().copied().cycle().take(BATCH).collect();
         let mut found = vec![ClosestPoint { triangle: 7, ..ClosestPoint::NONE }; BATCH];
         tree.closest_points(&batch, &mut found, &options).expect("equal lengths");
@@ -115,6 +116,13 @@ impl Own {
                 near::closest_point(mesh, *point, &options),
                 "{point:?} {options:?}"
             );
+        }
+        let exactly = ClosestPointOptions { accuracy: Accuracy::Exact, ..options };
+        let mut exact = vec![ClosestPoint::NONE; points.len()];
+        tree.closest_points(&points, &mut exact, &exactly).expect("equal lengths");
+        for (point, own) in points.iter().zip(&exact) {
+            let expected = near::nearest_triangle(mesh, *point, &exactly);
+            assert_eq!(own.some().map(|own| own.triangle), expected, "{point:?} {exactly:?}");
         }
         let is_free = max_distance == f32::INFINITY;
         for (point, found) in points.iter().zip(&found).filter(|_| is_free) {

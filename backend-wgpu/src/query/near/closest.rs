@@ -5,7 +5,7 @@ use splitplane_core::error::{QueryError, refused};
 use splitplane_core::kernel::NearKernel;
 use splitplane_core::layout::NearBatch;
 use splitplane_core::query::closest_point::{
-    ClosestPoint, ClosestPointOptions, Search, check_lengths, closest_point,
+    ClosestPoint, ClosestPointOptions, Search, check_accuracy, check_lengths, closest_point,
 };
 use splitplane_core::report::QueryReport;
 
@@ -38,7 +38,8 @@ fn reach_of(limit: f32, unit: f32) -> f32 {
 }
 
 impl WgpuAccelerator {
-    /// The closest point of the mesh to each point, as the core's search finds it: least (squared distance, triangle), in its `f64`.
+    /// The closest point of the mesh to each point, as the core's search finds it: least (squared distance, triangle), in its `f64` or exactly. The device's bounds
+    /// are of true distances and wider than either.
     ///
     /// The host searches where the device's bounds do not hold (no self-test has found that it rounds as the CPU does), where it cannot measure, and
     /// where more triangles may be closest than it keeps.
@@ -49,6 +50,7 @@ impl WgpuAccelerator {
         options: &ClosestPointOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
         check_lengths(points.len(), closest.len())?;
+        check_accuracy(options.accuracy)?;
         let asking = &Asking::new(options.watch, points.len());
         asking.check()?;
         let mut report = QueryReport::default();
@@ -176,7 +178,7 @@ impl WgpuAccelerator {
         let cut = f64::from(cut);
         let beyond = cut / f64::from(unit);
         let is_certain = match best.is_some() {
-            true => best.distance_squared <= beyond * beyond * (1.0 - 1e-12),
+            true => search.farthest_squared() <= beyond * beyond * (1.0 - 1e-12),
             false => beyond >= f64::from(options.max_distance) || cut >= f64::from(FARTHEST) / 2.0,
         };
         if is_certain { Ok(best) } else { Err(Left::Open) }

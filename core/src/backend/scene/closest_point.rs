@@ -8,6 +8,9 @@
 //! A sphere or capsule under a transform that turns, moves and scales evenly is one in the world ([`near_shapes`](super::near_shapes)); other
 //! transforms of shapes are refused.
 //!
+//! Accuracy `exact` compares the triangles of all instances in real arithmetic, with the transforms' numbers as given: corners in the world are then polynomials of
+//! degree 2, which whole numbers hold ([`exact`](crate::exact)). Which triangles count is decided as above.
+//!
 //! *Why no tree changes the answer.* u is 2^-53. Products of two `f32` are exact in `f64`, so a corner errs by 3 u S on each axis, where S is
 //! the greatest magnitude that its sum has on the way. No candidate is computed to be nearer than its triangle is, less 20 u R, R
 //! the greatest distance along an axis between the point and the geometry's box in the world. Together they are less than the slack, 64 u (R + S).
@@ -25,9 +28,11 @@ use crate::aabb::Aabb;
 use crate::arithmetic::{snap, sqrt};
 use crate::cancel::go_on_tracing;
 use crate::error::{QueryError, refused};
-use crate::mesh::Mesh;
-use crate::query::closest_point::{ClosestPoint, check_lengths, of_corners, widened};
+use crate::query::closest_point::{
+    ClosestPoint, Contender, Contest, EXACT, check_accuracy, check_lengths, of_corners, widened,
+};
 use crate::query::traverse::Triangles;
+use crate::ray::Accuracy;
 use crate::report::QueryReport;
 use crate::scene::{GeometryId, IgnoredTriangle, InstanceId, Placement, Transform, transformed};
 use crate::watch::Watch;
@@ -100,6 +105,10 @@ pub struct SceneClosestPointOptions<'a> {
     /// Points farther away than this are not looked for, in units of the world; one at just this distance counts. Infinity
     /// for no limit; nothing is within a NaN or a negative distance. A small limit makes the search faster.
     pub max_distance: f32,
+    /// Which triangle is the closest: by [`Accuracy::Exact`] that of real arithmetic, of all instances, with the transforms' numbers as given, and the greatest distance is
+    /// compared with the exact one; by any other that of the least distance as it is computed in `f64`. Distance, place and weights are those that are computed
+    /// in `f64`, by each. Shapes have no exact closest points.
+    pub accuracy: Accuracy,
     /// Instances answer when a bit of theirs is in this mask.
     pub mask: u32,
     /// A triangle of one instance to ignore.
@@ -111,7 +120,14 @@ pub struct SceneClosestPointOptions<'a> {
 impl Default for SceneClosestPointOptions<'_> {
     fn default() -> Self {
         let max_distance = f32::INFINITY;
-        SceneClosestPointOptions { max_distance, mask: u32::MAX, ignore: None, watch: None }
+        let accuracy = Accuracy::default();
+        SceneClosestPointOptions {
+            max_distance,
+            accuracy,
+            mask: u32::MAX,
+            ignore: None,
+            watch: None,
+        }
     }
 }
 
@@ -160,14 +176,18 @@ impl BuiltScene {
         point: [f32; 3],
         options: &SceneClosestPointOptions<'_>,
     ) -> Result<SceneClosestPoint, QueryError> {
-        self.check_nearness(options.mask)?;
+        let is_exact = EXACT && options.accuracy == Accuracy::Exact;
+        check_accuracy(options.accuracy)?;
+        self.check_nearness(options.mask, is_exact)?;
         let limit = f64::from(options.max_distance);
         let mut best = SceneClosestPoint::NONE;
         if limit.is_nan() || limit < 0.0 || !point.iter().all(|x| x.is_finite()) {
             return Ok(best);
         }
         let limit = limit * limit;
-        let point = point.map(|x| f64::from(snap(x)));
+        let point = point.map(snap);
+        let mut contest = is_exact.then(|| Contest::new(point, options.max_distance));
+        let point = point.map(f64::from);
         self.top.near(point, limit, |name| {
             let instance = InstanceId(name);
             let placement = self.placement(instance);
@@ -176,10 +196,14 @@ impl BuiltScene {
             {
                 let ignored = options.ignore.filter(|ignored| ignored.instance == instance);
                 let ignored = ignored.map(|ignored| ignored.triangle);
-                Near::new(point, limit, placement, instance)
-                    .search(geometry, ignored, &mut best)?;
+                Near::new(point, limit, placement, instance).search(
+                    geometry,
+                    ignored,
+                    &mut best,
+                    &mut contest,
+                )?;
             }
-            Ok::<f64, QueryError>(best.distance_squared.min(limit))
+            Ok::<f64, QueryError>(farthest_squared(&best, &contest).min(limit))
         })?;
         Ok(best)
     }
@@ -248,6 +272,7 @@ impl<'a> Near<'a> {
         geometry: &BuiltGeometry,
         ignored: Option<u32>,
         best: &mut SceneClosestPoint,
+        contest: &mut Option<SceneContest>,
     ) -> Result<(), QueryError> {
         if let Some(shapes) = geometry.shapes() {
             self.search_shapes(shapes, ignored, best);
@@ -255,9 +280,10 @@ impl<'a> Near<'a> {
         }
         let mesh = geometry.mesh().mesh();
         let name = self.placement.instance.geometry;
-        let stop =
-            |best: &SceneClosestPoint| widened(best.distance_squared.min(self.limit), self.slack);
-        let first = stop(best);
+        let stop = |best: &SceneClosestPoint, contest: &Option<SceneContest>| {
+            widened(farthest_squared(best, contest).min(self.limit), self.slack)
+        };
+        let first = stop(best, contest);
         let tree = geometry.accelerator().tree();
         let found = tree.find_best(
             first,
@@ -267,24 +293,54 @@ impl<'a> Near<'a> {
                     if ignored == Some(triangle) {
                         continue;
                     }
-                    let Some(mut own) = self.of_triangle(&mesh, triangle) else { continue };
-                    own.triangle = triangle;
+                    let corners = mesh.corners(triangle);
+                    let Some(about) = self.in_world(&corners) else { continue };
+                    if let Some(contest) = contest
+                        && EXACT
+                    {
+                        let given = (&corners, Some(&self.placement.instance.transform));
+                        let key = (self.instance.0, triangle);
+                        let (own, found) =
+                            Contender::new(self.point, about, self.slack, given, key);
+                        if contest.enter(own) {
+                            let found = ClosestPoint { triangle, ..found };
+                            *best = SceneClosestPoint::of(&found, name, self.instance);
+                        }
+                        continue;
+                    }
+                    let own = ClosestPoint { triangle, ..of_corners(self.point, about) };
                     let own = SceneClosestPoint::of(&own, name, self.instance);
                     if own.distance_squared <= self.limit && own.precedes(best) {
                         *best = own;
                     }
                 }
-                ControlFlow::Continue(stop(best))
+                ControlFlow::Continue(stop(best, contest))
             },
         );
         found.map(|_| ()).map_err(|_| refused(BYTES))
     }
 
-    /// The closest point of a triangle; `None` for one that does not fit the floats in the world.
-    fn of_triangle(&self, mesh: &Mesh<'_>, triangle: u32) -> Option<ClosestPoint> {
-        let corners = mesh.corners(triangle);
-        closest_in_world(self.point, &self.placement.instance.transform, &corners)
+    /// The corners of a triangle in the world; `None` for one that does not fit the floats there.
+    fn in_world(&self, corners: &[[f32; 3]; 3]) -> Option<[[f64; 3]; 3]> {
+        corners_in_world(&self.placement.instance.transform, corners)
     }
+}
+
+/// Between triangles of all instances.
+type SceneContest = Contest<(u32, u32)>;
+
+/// The square of a distance that the closest triangle so far is certainly within, as distances are compared.
+fn farthest_squared(best: &SceneClosestPoint, contest: &Option<SceneContest>) -> f64 {
+    match contest {
+        Some(contest) if EXACT => contest.farthest_squared(),
+        _ => best.distance_squared,
+    }
+}
+
+fn corners_in_world(transform: &Transform, corners: &[[f32; 3]; 3]) -> Option<[[f64; 3]; 3]> {
+    let corners = corners.map(|corner| in_other_space(transform, corner.map(f64::from)));
+    let fits = corners.iter().flatten().all(|x| x.abs() <= f64::from(f32::MAX));
+    fits.then_some(corners)
 }
 
 /// The closest point of a triangle with snapped corners under a transform; `None` for one with a coordinate beyond the greatest
@@ -294,9 +350,7 @@ pub fn closest_in_world(
     transform: &Transform,
     corners: &[[f32; 3]; 3],
 ) -> Option<ClosestPoint> {
-    let corners = corners.map(|corner| in_other_space(transform, corner.map(f64::from)));
-    let fits = corners.iter().flatten().all(|x| x.abs() <= f64::from(f32::MAX));
-    fits.then(|| of_corners(point, corners))
+    corners_in_world(transform, corners).map(|corners| of_corners(point, corners))
 }
 
 /// A point through a transform, in a stated order.

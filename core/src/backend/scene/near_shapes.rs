@@ -46,7 +46,12 @@ impl BuiltScene {
     }
 
     /// Refuses closest points where an instance of shapes that answers has none.
-    pub(super) fn check_nearness(&self, mask: u32) -> Result<(), QueryError> {
+    pub(super) fn check_nearness(&self, mask: u32, is_exact: bool) -> Result<(), QueryError> {
+        if is_exact && self.shapes_answer(mask) {
+            return Err(QueryError::Unsupported {
+                query: "closest points of shapes by accuracy `exact`",
+            });
+        }
         match self.nearness.0.load(Relaxed) {
             DEFINED => return Ok(()),
             UNKNOWN => {
@@ -60,6 +65,15 @@ impl BuiltScene {
             _ => {}
         }
         self.refuses_nearness(mask).map_or(Ok(()), Err)
+    }
+
+    /// Whether shapes are among what answers.
+    fn shapes_answer(&self, mask: u32) -> bool {
+        let is_shapes = |name| self.geometry(name).is_some_and(|own| own.shapes().is_some());
+        self.geometries().any(|(_, geometry)| geometry.shapes().is_some())
+            && self
+                .placements()
+                .any(|(_, own)| own.answers(mask) && is_shapes(own.instance.geometry))
     }
 
     /// The first instance that refuses.
