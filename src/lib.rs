@@ -54,6 +54,7 @@
 //!
 //! | to | see |
 //! |---|---|
+//! | have a preset chosen for a mesh and its rays | `auto_preset` |
 //! | rebuild a tree for each frame | [`Backend::rebuild`], [rebuild each frame] |
 //! | place one mesh many times, move objects | [`Scene`](objects::Scene), [`Backend::build_scene`], [many objects] |
 //! | limit memory, follow progress, cancel | [`BuildOptions`], [`Watch`], [cancel] |
@@ -118,6 +119,8 @@ pub use splitplane_core::tree::digest::Digest;
 pub use splitplane_core::tree::node::{Axis, KdNode, NodeKind};
 pub use splitplane_core::tree::{KdTree, KdTreeView};
 pub use splitplane_core::watch::{Progress, Stage, Watch};
+#[cfg(feature = "cpu")]
+pub use splitplane_cpu::auto_preset;
 #[cfg(feature = "cpu")]
 pub use splitplane_cpu::{CpuAccelerator, CpuBackend, CpuScene, InstructionSet};
 #[cfg(feature = "render")]

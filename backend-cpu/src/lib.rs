@@ -2,6 +2,7 @@
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
 mod accelerator;
+pub mod auto_preset;
 mod backend;
 mod build;
 mod cancel;

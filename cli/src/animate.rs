@@ -201,7 +201,8 @@ impl Arguments {
                 Failure::file(format!("cannot make the folder `{}`: {error}", folder.display()))
             })?;
         }
-        let mut stage = Stage::set(scene, opened, look, common)?;
+        let rays = look.announced_rays(&scene, SAMPLES);
+        let mut stage = Stage::set(scene, opened, look, rays, common)?;
         let first = self.request(stage.placed.camera, &stage)?;
         stage.choose(&first, common)?;
         let first_build = stage.built()?.report();

@@ -23,17 +23,25 @@ pub(super) struct Arguments {
     /// Write the tree to this file; of many objects all that is built, to a file that ends in .scene
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// How many rays the tree is to answer: what --preset auto chooses by
+    #[arg(long, value_name = "N")]
+    rays: Option<u64>,
     #[command(flatten)]
     pub(super) common: Common,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let common = &arguments.common;
+    if arguments.rays.is_some() && !common.is_auto() {
+        return Err(Failure::usage("--rays is what --preset auto chooses by; leave it out"));
+    }
     in_pool(common, || {
         if InstancedScene::is_named_by(&arguments.scene) {
             return build_objects(arguments);
         }
-        let prepared = Prepared::open(&arguments.scene, common)?;
+        let rays =
+            arguments.rays.ok_or("--preset auto chooses by the number of rays: give --rays N");
+        let prepared = Prepared::open(&arguments.scene, common, rays)?;
         if let Some(path) = &arguments.output {
             save_tree(path, prepared.accelerator.as_ref(), &prepared.scene.mesh()?)?;
         }

@@ -130,7 +130,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
 impl Arguments {
     fn answer(&self) -> Result<(), Failure> {
         let common = &self.common;
-        let prepared = Prepared::open(&self.scene, common)?;
+        let no_rays = Err("--preset auto chooses for rays, not for distances; name a preset");
+        let prepared = Prepared::open(&self.scene, common, no_rays)?;
         let bounds = prepared.accelerator.tree().bounds;
         if bounds.is_empty() {
             return Err(Failure::file("there is no triangle to measure distances to"));

@@ -113,6 +113,11 @@ impl Knobs {
         Ok(config)
     }
 
+    /// Whether any knob is the user's.
+    pub(super) fn are_given(&self) -> bool {
+        self.no_clip || self.values().iter().any(Option::is_some)
+    }
+
     fn values(&self) -> [Option<u32>; 11] {
         [
             self.traversal_cost,

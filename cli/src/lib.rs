@@ -140,7 +140,7 @@ impl Cli {
             #[cfg(feature = "viewer")]
             Some(Verb::View(arguments)) => &arguments.common,
         };
-        common.build_options().map(drop)
+        common.check()
     }
 }
 

@@ -195,6 +195,21 @@ impl Look {
         }
     }
 
+    /// About how many rays a picture of so many samples takes, unless the user says otherwise: one for each sample, and one to each light
+    /// for each of them. More where surfaces mirror, fewer where rays miss; lights that are to be placed are all there.
+    pub(super) fn announced_rays(&self, scene: &Scene, samples: u32) -> u64 {
+        let of_user = self.light.len() + self.sun.len();
+        let lights = match (of_user, scene.is_lit()) {
+            _ if self.no_lights => 0,
+            (0, true) => scene.lights.len() as u64 + u64::from(self.area_samples),
+            (0, false) => u64::from(self.lights),
+            (count, _) => count as u64,
+        };
+        let pixels = u64::from(self.size.width()) * u64::from(self.size.height());
+        let paths = u64::from(self.samples.unwrap_or(samples)) * u64::from(self.passes);
+        pixels.saturating_mul(paths).saturating_mul(1 + lights)
+    }
+
     /// Whether the camera is the user's.
     pub(super) fn moves_camera(&self) -> bool {
         let points = [self.camera_eye, self.camera_at, self.camera_up];

@@ -2,7 +2,7 @@
 
 use super::failure::Failure;
 use super::look::{Look, Placed};
-use super::options::Common;
+use super::options::{Common, Settled};
 use super::prepared::{milliseconds, note_scene};
 use super::stage::open_backend;
 use super::{output, progress};
@@ -41,6 +41,7 @@ pub(super) struct Updated {
 impl ObjectStage {
     pub(super) fn set(spec: &OsStr, look: &Look, common: &Common) -> Result<ObjectStage, Failure> {
         // What is asked for and cannot be had is said before a large file is read.
+        common.build_options()?;
         let opened = open_backend(common)?;
         let spinner = progress::spinner(common.quiet, "reading the scene");
         let mut scene = InstancedScene::open_with(spec, &look.scene_options(common))?;
@@ -52,7 +53,8 @@ impl ObjectStage {
             }
         }
         let placed = look.place_objects(&mut scene)?;
-        ObjectStage::of((scene, placed), opened, common)
+        let settled = Settled { options: common.build_options()?, reason: None };
+        ObjectStage::of((scene, placed), opened, settled, common)
     }
 
     /// A mesh whose materials have holes. Camera and lights are placed as for any mesh, by rays that know of no holes.
@@ -60,11 +62,13 @@ impl ObjectStage {
         mut scene: Scene,
         opened: OpenedEngine,
         look: &Look,
+        rays: u64,
         common: &Common,
     ) -> Result<ObjectStage, Failure> {
         note_scene(common, &scene);
+        let settled = common.settle(&scene.mesh()?, Ok(rays))?;
         let spinner = progress::spinner(common.quiet, "placing camera and lights");
-        let tree = CpuBackend::new().build(&scene.mesh()?, &common.build_options()?)?;
+        let tree = CpuBackend::new().build(&scene.mesh()?, &settled.options)?;
         let placed = look.place(&mut scene, &*tree)?;
         spinner.finish_and_clear();
         // The device of `auto` would have the CPU find what rays enter.
@@ -76,13 +80,14 @@ impl ObjectStage {
             }
             _ => opened,
         };
-        ObjectStage::of((InstancedScene::cut_out(scene)?, placed), opened, common)
+        ObjectStage::of((InstancedScene::cut_out(scene)?, placed), opened, settled, common)
     }
 
     /// Builds a scene whose camera and lights have their places.
     fn of(
         (mut scene, placed): (InstancedScene, Placed),
         OpenedEngine { engine, reason }: OpenedEngine,
+        Settled { options, .. }: Settled,
         common: &Common,
     ) -> Result<ObjectStage, Failure> {
         let info = engine.as_backend().describe();
@@ -93,7 +98,6 @@ impl ObjectStage {
             }
         }
         scene.parts.lights.clone_from(&placed.lights);
-        let options = common.build_options()?;
         let watch = progress::watch(common.quiet);
         let start = Instant::now();
         let described = scene.describe()?;

@@ -33,7 +33,7 @@ impl BuiltObjects {
     pub(super) fn open(spec: &OsStr, common: &Common) -> Result<BuiltObjects, Failure> {
         // What is asked for and cannot be had is said before a large file is read.
         let options = common.build_options()?;
-        let opened = common.backend.open_with(&common.open_options())?;
+        let opened = common.open()?;
         let info = opened.backend.describe();
         let loaded = is_saved(spec);
         let spinner = progress::spinner(common.quiet, "reading the scene");

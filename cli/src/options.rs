@@ -3,11 +3,15 @@
 use super::ending::TimeLimit;
 use super::failure::Failure;
 use super::knobs::Knobs;
+use super::output;
 use clap::{Args, ValueEnum};
+use splitplane::auto_preset::{self, Machine, MeshTraits};
+use splitplane::backend::OpenedEngine;
 use splitplane::render::Size;
 use splitplane::scene::SceneOptions;
 use splitplane::{
-    Accuracy, BackendKind, BuildError, BuildOptions, OpenOptions, Preset, QueryLayout, QueryOptions,
+    Accuracy, BackendKind, BuildError, BuildOptions, Mesh, OpenOptions, Opened, Preset,
+    QueryLayout, QueryOptions,
 };
 
 #[derive(Args, Clone, Debug)]
@@ -23,8 +27,8 @@ pub(super) struct Common {
     #[arg(long)]
     allow_structural: bool,
     /// How the tree is built; its knobs are listed by --help
-    #[arg(long, value_enum, default_value_t = PresetName::Fast)]
-    preset: PresetName,
+    #[arg(long, value_enum, default_value_t = AskedPreset::Fast)]
+    preset: AskedPreset,
     /// Which ray/triangle test; `fast` may lose rays aimed at edges. Of closest points `exact` finds the nearest triangle
     /// of real arithmetic, the others that of the least distance in f64
     #[arg(long, value_enum, default_value_t = AccuracyName::Watertight)]
@@ -68,6 +72,31 @@ pub(super) enum PresetName {
     Best,
 }
 
+/// What `--preset` takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum AskedPreset {
+    /// The builder of Zhou et al. 2008: spatial medians above, SAH on masks below
+    Fast,
+    /// As fast, for GPUs: small leaves, as one triangle is tested at a time
+    Narrow,
+    /// Binned SAH above, SAH on masks below: slower to build, faster to trace
+    Balanced,
+    /// Offline: SAH over all planes, with clipping; on the CPU only
+    Best,
+    /// The one that is expected to take the least time for a build and the rays of one mesh, by measurements; says why.
+    /// It may differ between machines. On the CPU only
+    Auto,
+}
+
+/// How many rays the tree is to answer, or why a verb cannot say.
+pub(super) type Announced = Result<u64, &'static str>;
+
+/// The options of a build, and where `auto` chose the preset, why.
+pub(super) struct Settled {
+    pub(super) options: BuildOptions<'static>,
+    pub(super) reason: Option<String>,
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum AccuracyName {
     /// Moeller and Trumbore 1997
@@ -89,6 +118,19 @@ impl PresetName {
     }
 }
 
+impl AskedPreset {
+    /// `None` for `auto`.
+    const fn preset(self) -> Option<Preset> {
+        match self {
+            AskedPreset::Fast => Some(Preset::Fast),
+            AskedPreset::Narrow => Some(Preset::Narrow),
+            AskedPreset::Balanced => Some(Preset::Balanced),
+            AskedPreset::Best => Some(Preset::Best),
+            AskedPreset::Auto => None,
+        }
+    }
+}
+
 impl AccuracyName {
     pub(super) const fn accuracy(self) -> Accuracy {
         match self {
@@ -104,21 +146,100 @@ impl Common {
         super::probe::limited(OpenOptions {
             adapter: self.adapter.clone(),
             allow_structural: self.allow_structural,
-            preset: self.preset(),
+            preset: self.preset.preset().unwrap_or_default(),
             ..OpenOptions::default()
         })
     }
 
-    fn preset(&self) -> Preset {
-        self.preset.preset()
+    /// Opens the backend.
+    pub(super) fn open(&self) -> Result<Opened, Failure> {
+        let OpenedEngine { engine, reason } = self.open_engine()?;
+        Ok(Opened { backend: engine.into_backend(), reason })
+    }
+
+    /// The same, by its own type.
+    pub(super) fn open_engine(&self) -> Result<OpenedEngine, Failure> {
+        let options = self.open_options();
+        if self.is_auto() && self.backend == BackendKind::Auto {
+            let opened = BackendKind::Cpu.open_engine(&options)?;
+            let reason = "auto: the CPU, where the presets of --preset auto were measured".into();
+            return Ok(OpenedEngine { reason, ..opened });
+        }
+        Ok(self.backend.open_engine(&options)?)
+    }
+
+    /// Whether the preset is still to be chosen.
+    pub(super) fn is_auto(&self) -> bool {
+        self.preset == AskedPreset::Auto
+    }
+
+    /// What is wrong with the options of a build, to be said before any work.
+    ///
+    /// # Errors
+    /// Wrong usage, as of [`Common::build_options`].
+    pub(super) fn check(&self) -> Result<(), Failure> {
+        if !self.is_auto() {
+            return self.build_options().map(drop);
+        }
+        if self.backend == BackendKind::Wgpu {
+            return Err(Failure::usage(
+                "--preset auto chooses by measurements of the CPU; name a preset for a GPU, or take --backend cpu",
+            ));
+        }
+        if self.knobs.are_given() {
+            return Err(Failure::usage(
+                "--preset auto chooses a preset as it is; name one to change its knobs",
+            ));
+        }
+        Ok(())
+    }
+
+    /// The same where one mesh is built, for so many rays.
+    ///
+    /// # Errors
+    /// As [`Common::check`], and `auto` where the number of rays is not known.
+    pub(super) fn check_for(&self, rays: Announced) -> Result<(), Failure> {
+        self.check()?;
+        match rays {
+            Err(why) if self.is_auto() => Err(Failure::usage(why)),
+            _ => Ok(()),
+        }
+    }
+
+    /// The options of a build over one mesh: `auto` chooses the preset for so many rays. To be called inside
+    /// [`in_pool`](super::prepared::in_pool), whose threads count.
+    ///
+    /// # Errors
+    /// As [`Common::check_for`].
+    pub(super) fn settle(&self, mesh: &Mesh<'_>, rays: Announced) -> Result<Settled, Failure> {
+        self.check_for(rays)?;
+        let (Ok(rays), true) = (rays, self.is_auto()) else {
+            return Ok(Settled { options: self.build_options()?, reason: None });
+        };
+        let choice = auto_preset::choose(&MeshTraits::of(mesh), rays, &Machine::here());
+        let options = self.options_of(choice.preset)?;
+        let reason = choice.to_string();
+        if !self.quiet {
+            output::note(&format!("preset: {} ({reason})", choice.preset.name()));
+        }
+        Ok(Settled { options, reason: Some(reason) })
     }
 
     /// The preset with the knobs given, checked.
     ///
     /// # Errors
-    /// Wrong usage: a knob that the preset does not have, or a value out of range.
+    /// Wrong usage: a knob that the preset does not have, or a value out of range; `auto`, which needs one mesh and its rays.
     pub(super) fn build_options(&self) -> Result<BuildOptions<'static>, Failure> {
-        let preset = self.preset();
+        let preset = self.preset.preset().ok_or_else(|| {
+            Failure::usage(
+                "--preset auto chooses for the rays through one mesh, in build, stats, query, verify, render and \
+                 animate; name a preset",
+            )
+        })?;
+        self.options_of(preset)
+    }
+
+    fn options_of(&self, preset: Preset) -> Result<BuildOptions<'static>, Failure> {
         // Said before a device is opened.
         if self.backend == BackendKind::Wgpu && preset.planes().is_none() {
             return Err(BuildError::PresetNotOnDevice { preset }.into());

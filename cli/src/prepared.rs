@@ -1,7 +1,7 @@
 //! What every verb starts with: threads, a scene, a backend, and a tree over it.
 
 use super::failure::Failure;
-use super::options::Common;
+use super::options::{Announced, Common, Settled};
 use super::tree::{TreeStats, tree_stats};
 use super::{knobs, output, progress};
 use serde::Serialize;
@@ -19,6 +19,7 @@ pub(super) struct Prepared {
     pub(super) accelerator: Box<dyn Accelerator>,
     pub(super) build_ms: f64,
     preset: &'static str,
+    preset_reason: Option<String>,
     reason: String,
 }
 
@@ -45,11 +46,15 @@ pub(super) fn pool_of(threads: Option<u16>) -> Result<rayon::ThreadPool, Failure
 }
 
 impl Prepared {
-    /// Opens the scene and the backend and builds the tree. To be called inside [`in_pool`].
-    pub(super) fn open(spec: &OsStr, common: &Common) -> Result<Prepared, Failure> {
+    /// Opens the scene and the backend and builds the tree, which is to answer so many rays. To be called inside [`in_pool`].
+    pub(super) fn open(
+        spec: &OsStr,
+        common: &Common,
+        rays: Announced,
+    ) -> Result<Prepared, Failure> {
         // What is asked for and cannot be had is said before a large file is read.
-        let options = common.build_options()?;
-        let opened = common.backend.open_with(&common.open_options())?;
+        common.check_for(rays)?;
+        let opened = common.open()?;
         let spinner = progress::spinner(common.quiet, "reading the scene");
         let scene = Scene::open_with(spec, &common.bare_scene())?;
         spinner.finish_and_clear();
@@ -57,11 +62,12 @@ impl Prepared {
         let info = opened.backend.describe();
         if !common.quiet {
             output::note(&format!("backend: {} ({})", info.name, opened.reason));
-            if options.layout == QueryLayout::Compact && info.name != "cpu" {
-                output::note("--compact: a tree on a GPU has one layout, which is what it gets");
-            }
         }
         let mesh = scene.mesh()?;
+        let Settled { options, reason: preset_reason } = common.settle(&mesh, rays)?;
+        if options.layout == QueryLayout::Compact && info.name != "cpu" && !common.quiet {
+            output::note("--compact: a tree on a GPU has one layout, which is what it gets");
+        }
         let watch = progress::watch(common.quiet);
         let start = Instant::now();
         let accelerator =
@@ -70,7 +76,8 @@ impl Prepared {
         drop(watch);
         note_dropped(common, &scene, accelerator.summary().dropped);
         let preset = options.config.preset().name();
-        Ok(Prepared { scene, info, accelerator, build_ms, preset, reason: opened.reason })
+        let reason = opened.reason;
+        Ok(Prepared { scene, info, accelerator, build_ms, preset, preset_reason, reason })
     }
 
     /// What there is to report of the build.
@@ -81,6 +88,7 @@ impl Prepared {
             accelerator: self.accelerator.as_ref(),
             build_ms: self.build_ms,
             preset: self.preset,
+            preset_reason: self.preset_reason.as_deref(),
             reason: &self.reason,
         }
     }
@@ -93,6 +101,8 @@ pub(super) struct Built<'a> {
     pub(super) accelerator: &'a dyn Accelerator,
     pub(super) build_ms: f64,
     pub(super) preset: &'static str,
+    /// Why `auto` chose it.
+    pub(super) preset_reason: Option<&'a str>,
     pub(super) reason: &'a str,
 }
 
@@ -107,6 +117,7 @@ impl Built<'_> {
             backend: self.info.name.clone(),
             adapter: self.info.adapter.clone(),
             preset: self.preset,
+            preset_reason: self.preset_reason.map(str::to_owned),
             config: knobs::report(&self.accelerator.tree().config),
             threads: self.info.threads,
             build_ms: self.build_ms,
@@ -161,6 +172,9 @@ pub(super) struct BuildReport {
     backend: String,
     adapter: Option<String>,
     preset: &'static str,
+    /// Only where `auto` chose it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    preset_reason: Option<String>,
     config: Map<String, Value>,
     threads: Option<usize>,
     build_ms: f64,

@@ -102,7 +102,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             ));
         }
         let mut asked = Asked::<OfMesh>::read(arguments)?;
-        let prepared = Prepared::open(&arguments.scene, common)?;
+        let announced = match arguments.kind.asks_points() {
+            true => Err("--preset auto chooses for rays, not for points; name a preset"),
+            false => Ok(asked.count() as u64 * u64::from(arguments.repeat)),
+        };
+        let prepared = Prepared::open(&arguments.scene, common, announced)?;
         let undecided = match arguments.undecided {
             UndecidedName::Redo => Undecided::Redo,
             UndecidedName::Flag => Undecided::Flag,

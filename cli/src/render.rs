@@ -75,10 +75,14 @@ impl Arguments {
         let mut scene = Scene::open_with(&self.scene, &self.scene_options())?;
         look.surround(&mut scene, common)?;
         spinner.finish_and_clear();
+        // Whether light is sampled is known later of triangles that shine beside other lights.
+        let samples = SAMPLES[usize::from(scene.is_lit() && scene.lights.is_empty())];
+        let parts = u64::from(self.part.unwrap_or_default().count());
+        let rays = look.announced_rays(&scene, samples) / parts;
         if !scene.cutouts.is_empty() {
-            return self.render_stage(ObjectStage::cut_out(scene, opened, look, common)?);
+            return self.render_stage(ObjectStage::cut_out(scene, opened, look, rays, common)?);
         }
-        let mut stage = Stage::set(scene, opened, look, common)?;
+        let mut stage = Stage::set(scene, opened, look, rays, common)?;
         let path = self.path(&stage.scene.name);
         let shines = shines(stage.tracer.appearance());
         let request = self.request(&stage.placed, shines, &path)?;

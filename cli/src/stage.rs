@@ -2,7 +2,7 @@
 
 use super::failure::Failure;
 use super::look::{Look, Placed};
-use super::options::Common;
+use super::options::{Common, Settled};
 use super::prepared::{Built, milliseconds, note_dropped, note_scene};
 use super::{output, progress};
 use splitplane::backend::OpenedEngine;
@@ -25,14 +25,15 @@ pub(super) struct Stage {
     pub(super) options: BuildOptions<'static>,
     pub(super) info: BackendInfo,
     build_ms: f64,
+    preset_reason: Option<String>,
     reason: String,
 }
 
 /// Opens the backend. To be called before a large file is read: what is asked for and cannot be had is
 /// said first.
 pub(super) fn open_backend(common: &Common) -> Result<OpenedEngine, Failure> {
-    common.build_options()?;
-    Ok(common.backend.open_engine(&common.open_options())?)
+    common.check()?;
+    common.open_engine()
 }
 
 /// Where a picture is shaded, as a line of a report; empty where all of it is done in one place.
@@ -46,11 +47,12 @@ pub(super) fn shaded(shading: Shading, info: &BackendInfo) -> String {
 }
 
 impl Stage {
-    /// Builds the tree of a scene, places camera and lights, and describes what it looks like.
+    /// Builds the tree of a scene for about so many rays, places camera and lights, and describes what it looks like.
     pub(super) fn set(
         mut scene: Scene,
         OpenedEngine { engine, reason }: OpenedEngine,
         look: &Look,
+        rays: u64,
         common: &Common,
     ) -> Result<Stage, Failure> {
         note_scene(common, &scene);
@@ -58,7 +60,8 @@ impl Stage {
         if !common.quiet {
             output::note(&format!("backend: {} ({reason})", info.name));
         }
-        let options = common.build_options()?;
+        let settled = common.settle(&scene.mesh()?, Ok(rays))?;
+        let Settled { options, reason: preset_reason } = settled;
         let watch = progress::watch(common.quiet);
         let start = Instant::now();
         // Camera and lights are placed by rays; what the scene looks like is taken over when it has both.
@@ -84,7 +87,7 @@ impl Stage {
         }
         scene.lights.clone_from(&placed.lights);
         tracer.update_appearance(&scene.mesh()?, &scene.appearance())?;
-        Ok(Stage { scene, tracer, placed, options, info, build_ms, reason })
+        Ok(Stage { scene, tracer, placed, options, info, build_ms, preset_reason, reason })
     }
 
     /// For `auto`, where the CPU shades what a GPU could trace: takes the one that traces a wave of rays of this picture faster. Pictures do
@@ -129,6 +132,7 @@ impl Stage {
             accelerator: host_tree(&self.tracer)?,
             build_ms: self.build_ms,
             preset: self.options.config.preset().name(),
+            preset_reason: self.preset_reason.as_deref(),
             reason: &self.reason,
         })
     }

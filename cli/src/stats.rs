@@ -34,7 +34,7 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let common = &arguments.common;
     in_pool(common, || {
-        let prepared = Prepared::open(&arguments.scene, common)?;
+        let prepared = Prepared::open(&arguments.scene, common, Ok(arguments.rays))?;
         let measured = measure(&prepared, arguments)?;
         let report = Report {
             tree: TreeStats::of(&prepared.accelerator.tree().view()),

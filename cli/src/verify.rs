@@ -39,7 +39,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         if InstancedScene::is_named_by(&arguments.scene) {
             return verify_objects::run(&arguments.scene, arguments.rays, common);
         }
-        let prepared = Prepared::open(&arguments.scene, common)?;
+        let rays = arguments.rays * Aim::ALL.len() as u64;
+        let prepared = Prepared::open(&arguments.scene, common, Ok(rays))?;
         let mesh = prepared.scene.mesh()?;
         let accelerator = prepared.accelerator.as_ref();
         let sound = check_tree(accelerator, &mesh);

@@ -1016,3 +1016,83 @@ fn all_crossings_and_points_inside() {
     let odd = ["query", "closed.obj", "--points", "odd.bin", "--kind", "inside"];
     assert!(fail(&folder, 3, &odd).contains("not a multiple of 12"));
 }
+
+/// The preset that `auto` took, by the line that says so, and why.
+fn chosen(folder: &TempDir, arguments: &[&str]) -> (String, String) {
+    let output = run(folder, arguments);
+    let error = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {error}");
+    let lines: Vec<&str> = error.lines().filter(|line| line.starts_with("preset: ")).collect();
+    assert_eq!(lines.len(), 1, "{arguments:?}: {error}");
+    let (preset, reason) = lines[0]["preset: ".len()..].split_once(" (").unwrap();
+    (preset.to_owned(), reason.strip_suffix(')').unwrap().to_owned())
+}
+
+/// Few rays take the fastest build and many another; trees and pictures are those of the preset that is named.
+#[test]
+fn auto_chooses_a_preset_and_says_why() {
+    let folder = folder();
+    let build = ["build", "builtin:city:20000", "--threads", "1", "--preset"];
+    let auto = |rays| [&build[..], &["auto", "--rays", rays]].concat();
+    let (few, reason) = chosen(&folder, &auto("0"));
+    assert_eq!(few, "fast");
+    let starts = "auto: with portable on 1 thread, a build over ";
+    assert!(reason.starts_with(starts), "{reason}");
+    assert!(reason.contains(" triangles and 0 rays are expected to take "), "{reason}");
+    let (many, reason) = chosen(&folder, &auto("18446744073709551615"));
+    assert_ne!(many, "fast");
+    for preset in ["fast", "narrow", "balanced", "best"] {
+        assert!(reason.contains(&format!(" by {preset}")), "{reason}");
+    }
+    for (preset, rays) in [(&few, "0"), (&many, "18446744073709551615")] {
+        let own = json(&folder, &[&auto(rays)[..], &["--json"]].concat());
+        let named = json(&folder, &[&build[..], &[preset, "--json"]].concat());
+        assert_eq!(own["preset"], preset.as_str());
+        assert_eq!((&own["digest"], &own["config"]), (&named["digest"], &named["config"]));
+        assert!(own["preset_reason"].as_str().unwrap().starts_with(starts));
+        assert_eq!(keys(&named), sorted(&BUILD_FIELDS), "only where it was chosen");
+    }
+    // A frame announces its own rays: pixels, samples, and one light.
+    let picture =
+        ["render", "builtin:cornell", "--size", "40x30", "--samples", "2", "--lights", "1"];
+    let file = |name: &str| fs::read(folder.path().join(name)).unwrap();
+    let (preset, reason) =
+        chosen(&folder, &[&picture[..], &["--preset", "auto", "-o", "auto.png"]].concat());
+    assert!(reason.contains(" triangles and "), "{reason}");
+    succeed(&folder, &[&picture[..], &["--preset", &preset, "-o", "named.png"]].concat());
+    assert_eq!(file("auto.png"), file("named.png"));
+    // So do the rays of a file, each as often as it is traced.
+    fs::write(folder.path().join("rays.bin"), raw(&rays(&[[0.1, 0.1]; 7]))).unwrap();
+    let query = ["query", "builtin:cornell", "--rays", "rays.bin", "--repeat", "3"];
+    let (_, reason) = chosen(&folder, &[&query[..], &["--preset", "auto"]].concat());
+    assert!(reason.contains(" and 21 rays "), "{reason}");
+    let quiet = run(&folder, &[&auto("5")[..], &["--quiet"]].concat());
+    assert!(quiet.stderr.is_empty(), "{}", text(&quiet.stderr));
+}
+
+#[test]
+fn auto_without_what_it_chooses_by_is_2() {
+    let folder = folder();
+    fs::write(folder.path().join("points.bin"), [0; 12]).unwrap();
+    let points = ["query", "builtin:cornell", "--points", "points.bin", "--kind", "inside"];
+    for (arguments, words) in [
+        (&["build", "missing.obj"][..], "give --rays N"),
+        (&["build", "missing.obj", "--rays", "5", "--bins", "8"], "name one to change its knobs"),
+        (&["build", "missing.obj", "--rays", "5", "--no-clip"], "name one to change its knobs"),
+        (&["build", "missing.obj", "--rays", "5", "--backend", "wgpu"], "of the CPU"),
+        (&["build", "builtin:forest:3", "--rays", "5"], "through one mesh"),
+        (&["render", "builtin:forest:3"], "through one mesh"),
+        (&["distances", "missing.obj", "--out", "d.npy"], "not for distances"),
+        (&["parity", "missing.obj"], "name a preset"),
+        (&points, "not for points"),
+    ] {
+        let why = fail(&folder, 2, &[arguments, &["--preset", "auto"]].concat());
+        assert!(why.contains(words), "{arguments:?}: {why}");
+    }
+    let why = fail(&folder, 2, &["build", "missing.obj", "--rays", "5"]);
+    assert!(why.contains("leave it out"), "{why}");
+    for rays in ["-1", "many", "18446744073709551616"] {
+        let output = run(&folder, &["build", "a.obj", "--preset", "auto", "--rays", rays]);
+        assert_eq!(output.status.code(), Some(2), "{rays}");
+    }
+}

@@ -43,6 +43,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(parts::opacity, module)?)?;
     module.add_function(wrap_pyfunction!(parts::opacity_cells, module)?)?;
     module.add_function(wrap_pyfunction!(open::describe, module)?)?;
+    module.add_function(wrap_pyfunction!(options::choose_preset, module)?)?;
     module.add_function(wrap_pyfunction!(open::mesh_digest, module)?)?;
     module.add("VERSION", env!("CARGO_PKG_VERSION"))?;
     module.add("GPU", cfg!(feature = "wgpu"))?;

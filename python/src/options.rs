@@ -2,8 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use splitplane::{Accuracy, BuildConfig, Culling, Preset, QueryLayout, QueryReport};
+use numpy::PyReadonlyArray2;
+use pyo3::prelude::*;
+use splitplane::auto_preset::{self, Machine, MeshTraits};
+use splitplane::{Accuracy, BuildConfig, Culling, Mesh, Preset, QueryLayout, QueryReport};
 
+use crate::arrays::rows;
 use crate::failure::Failure;
 
 fn unknown(what: &str, name: &str, known: &str) -> Failure {
@@ -52,6 +56,22 @@ pub(crate) fn config(preset: &str, knobs: &BTreeMap<String, i64>) -> Result<Buil
         Failure::new("ConfigError", format!("the build configuration is invalid: {error}"))
     })?;
     Ok(config)
+}
+
+/// The preset that is expected to take the least time for a build over a mesh and so many rays, and why.
+#[pyfunction]
+pub(crate) fn choose_preset(
+    vertices: PyReadonlyArray2<'_, f32>,
+    faces: PyReadonlyArray2<'_, u32>,
+    rays: u64,
+    threads: Option<usize>,
+) -> PyResult<(&'static str, String)> {
+    let mesh = Mesh::indexed(rows(&vertices, "vertices")?, rows(&faces, "faces")?);
+    let traits = MeshTraits::of(&mesh.map_err(Failure::from)?);
+    let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+    let machine = Machine { threads: threads.unwrap_or_else(cores), ..Machine::here() };
+    let choice = auto_preset::choose(&traits, rays, &machine);
+    Ok((choice.preset.name(), choice.to_string()))
 }
 
 pub(crate) fn layout(name: &str) -> Result<QueryLayout, Failure> {

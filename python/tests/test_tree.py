@@ -476,3 +476,43 @@ def test_hits_are_what_they_were_when_copied(tree: Tree) -> None:
     hits.t.flags.writeable = False
     with pytest.raises(splitplane.ShapeError, match="out.t must be aligned and writeable"):
         tree.closest_hits(rays, out=hits)
+
+
+def test_auto_chooses_a_preset_and_says_why(ball: tuple[np.ndarray, np.ndarray]) -> None:
+    """The tree is that of the preset that was chosen, and few rays take the fastest build."""
+    few = Tree.build(*ball, preset="auto", rays=0, threads=1)
+    assert few.digest == Tree.build(*ball).digest
+    assert few.preset_reason is not None
+    assert " on 1 thread, a build over " in few.preset_reason and " and 0 rays are expected to take " in few.preset_reason
+    many = Tree.build(*ball, preset="auto", rays=np.int64(2**62), backend="auto")
+    assert many.preset_reason is not None and many.backend == "cpu"
+    # The first preset that is named is the one that was taken.
+    least = many.preset_reason.split(" by ")[1].split(",")[0]
+    assert many.digest == Tree.build(*ball, preset=least).digest
+    many.rebuild(ball[0] * 2)
+    assert many.digest == Tree.build(ball[0] * 2, ball[1], preset=least).digest
+    assert Tree.build(*ball).preset_reason is None
+    empty = Tree.build(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32), preset="auto", rays=5)
+    assert empty.preset_reason == "auto: fast, since there are no triangles"
+
+
+@pytest.mark.parametrize(
+    ("options", "error"),
+    [
+        ({"preset": "auto"}, splitplane.ConfigError),
+        ({"rays": 5}, splitplane.ConfigError),
+        ({"preset": "best", "rays": 5}, splitplane.ConfigError),
+        ({"preset": "auto", "rays": 5, "backend": "wgpu"}, splitplane.ConfigError),
+        ({"preset": "auto", "rays": 5, "bins": 8}, splitplane.ConfigError),
+        ({"preset": "auto", "rays": 5, "builder": "sweep"}, splitplane.ConfigError),
+        ({"preset": "auto", "rays": -1}, splitplane.RangeError),
+        ({"preset": "auto", "rays": 2**64}, splitplane.RangeError),
+        ({"preset": "auto", "rays": 1e6}, splitplane.DtypeError),
+        ({"preset": "auto", "rays": True}, splitplane.DtypeError),
+    ],
+)
+def test_auto_without_what_it_chooses_by_is_refused(
+    ball: tuple[np.ndarray, np.ndarray], options: dict[str, object], error: type[Exception]
+) -> None:
+    with pytest.raises(error):
+        Tree.build(*ball, **options)  # type: ignore[arg-type]

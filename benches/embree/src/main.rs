@@ -5,7 +5,8 @@
 //! One thread, one ray a call for Embree and whole batches for ours, CPU time. In a round everyone answers a set
 //! once, Embree first and last; a round's ratio is the mean of Embree's two times over ours, and the median of the rounds
 //! is printed. So what else the machine does disturbs both alike. `--packets` has Embree answer packets too, `--accuracies` ours at other
-//! accuracies; `--builds` measures builds in place of rays, and `--frames` a frame.
+//! accuracies; `--builds` measures builds in place of rays, and `--frames` a frame. `--table` measures presets without Embree and writes the
+//! table that preset `auto` decides by.
 //!
 //! With `--instances grid:N` both answer rays through N copies of the mesh, and build the tree over them in turns.
 //!
@@ -22,6 +23,7 @@ mod embree;
 mod frames;
 mod instances;
 mod rays;
+mod table;
 mod turns;
 
 use std::cell::RefCell;
@@ -78,6 +80,9 @@ struct Options {
     /// A frame of 1024x1024 in place of rays, by preset fast
     #[arg(long, conflicts_with = "builds")]
     frames: bool,
+    /// Presets without Embree: builds and rays of each, as the table that preset auto decides by
+    #[arg(long, conflicts_with_all = ["builds", "frames", "count", "single", "packets", "instances"])]
+    table: bool,
     /// Of the frame: eye and the point looked at, six numbers; placed by rule when left out
     #[arg(long, num_args = 6, allow_hyphen_values = true, requires = "frames")]
     camera: Vec<f32>,
@@ -124,6 +129,9 @@ fn main() -> ExitCode {
             return ExitCode::FAILURE;
         }
     };
+    if options.table {
+        println!("{}", splitplane_cpu::auto_preset::COLUMNS);
+    }
     for scene in &options.scenes {
         if let Err(problem) = measure(scene, &options, &pool) {
             eprintln!("splitplane-embree: {}: {problem}", scene.display());
@@ -152,6 +160,11 @@ fn measure(path: &Path, options: &Options, pool: &rayon::ThreadPool) -> Result<(
     }
     let places = options.instances.map(|count| instances::grid(&scene.bounds(), count));
     let sets = rays_through(&mesh, &scene.bounds(), places.as_deref(), interior)?;
+    if options.table {
+        // As given, with the size of a scene that is built in.
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        return table::measure(&name, &mesh, &sets, set, options, pool);
+    }
     let mut embree = Embree::build(&options.library, isa, &scene.positions, &scene.indices)?;
     println!(
         "{}: {} triangles{}, {}, Embree {}{}",

@@ -77,7 +77,7 @@ pub(crate) fn count(scene: &str, set: &str, rays: &[Ray], all: &[Contestant<'_>]
 }
 
 /// Seconds of everyone in each round; for the first one the mean of a turn at the start and one at the end.
-fn times(
+pub(crate) fn times(
     count: usize,
     rounds: usize,
     ready: &mut dyn FnMut(usize),

@@ -284,3 +284,32 @@ fn distances_compare_as_fractions() {
     }
     assert!(orders.iter().all(|&count| count > 1_000), "{orders:?}");
 }
+
+/// Planes perpendicular to an axis are in the order of whole numbers, for rays of all kinds.
+#[test]
+fn planes_perpendicular_to_an_axis_are_in_order() {
+    let mut numbers = Numbers(11);
+    let (mut seen, mut none) = ([0; 3], 0);
+    for round in 0..100_000 {
+        let Some(ray) = numbers.ray(round) else { continue };
+        let mut both = [0, 1].map(|_| numbers.triangle(round / 4));
+        let axis = (round / 16) as usize % 3;
+        for (triangle, at) in both.iter_mut().zip([numbers.float(round), numbers.float(round)]) {
+            // Every fourth time both are in one plane, and every eighth none is perpendicular.
+            let at = if round % 4 == 3 { 0.5 } else { at };
+            triangle.iter_mut().for_each(|corner| corner[axis] = at);
+            triangle[0][axis] += f32::from(u8::from(round % 8 == 6));
+        }
+        let [one, other] = both.map(|corners| meet(&ray, &corners, Culling::None));
+        let (Some(one), Some(other)) = (one, other) else { continue };
+        match one.compare_planes(&other) {
+            Some(order) => {
+                assert_eq!(order, one.compare_t_by_integers(&other), "{ray:?} {both:?}");
+                assert_eq!(order, one.compare_t(&other), "{ray:?} {both:?}");
+                seen[(order as i8 + 1) as usize] += 1;
+            }
+            None => none += 1,
+        }
+    }
+    assert!(seen.iter().all(|&count| count > 100) && none > 100, "{seen:?} {none}");
+}

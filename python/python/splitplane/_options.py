@@ -16,8 +16,26 @@ BuildArguments = Tuple[str, Dict[str, int], str, "int | None"]
 Backend = Tuple[str, "str | None"]
 
 
+def is_auto(preset: Any, rays: Any, backend: Any, knobs: dict[str, Any]) -> bool:
+    """Whether the preset is to be chosen, and nothing speaks against it."""
+    if not isinstance(preset, str) or preset != "auto":
+        if rays is not None:
+            raise ConfigError("rays is what preset auto chooses by; leave it out")
+        return False
+    if rays is None:
+        raise ConfigError("preset auto chooses by the number of rays; give it as rays")
+    whole(rays, "rays", 0, 2**64 - 1)
+    if backend == "wgpu":
+        raise ConfigError("preset auto chooses by measurements of the CPU; name a preset for a GPU")
+    if knobs:
+        raise ConfigError("preset auto chooses a preset as it is; name one to change its knobs")
+    return True
+
+
 def build_arguments(preset: Any, layout: Any, max_memory: Any, knobs: dict[str, Any]) -> BuildArguments:
     """A preset, knobs, a layout and a limit of memory."""
+    if isinstance(preset, str) and preset == "auto":
+        raise ConfigError("preset auto is of Tree.build, for one mesh and its rays; name a preset")
     builder = knobs.pop("builder", None)
     if builder is not None:
         if builder not in BUILDERS:

@@ -11,7 +11,7 @@ from . import _arrays as arrays
 from . import _native
 from ._arrays import F32, F64, U32, Bool, I64, Progress
 from ._handle import Handle
-from ._options import Backend, BuildArguments, backend_arguments, build_arguments, query_arguments
+from ._options import Backend, BuildArguments, backend_arguments, build_arguments, is_auto, query_arguments
 from .errors import ConfigError, DtypeError, FileError, RangeError, ShapeError
 from .results import ClosestPoints, Crossings, Hits, Impacts, Located, Overlaps, Report, Some, Summary
 
@@ -114,6 +114,7 @@ class Tree(Handle[_native.Tree]):
     _rounded: int
     _arguments: BuildArguments
     _backend: Backend
+    _preset_reason: str | None
 
     def __init__(self) -> None:
         raise TypeError("make trees with Tree.build() or Tree.load()")
@@ -132,6 +133,7 @@ class Tree(Handle[_native.Tree]):
         max_memory: int | None = None,
         threads: int | None = None,
         progress: Progress | None = None,
+        rays: int | None = None,
         **knobs: Any,
     ) -> Tree:
         """Builds the tree of a mesh.
@@ -139,6 +141,9 @@ class Tree(Handle[_native.Tree]):
         vertices: (n, 3) numbers, or without faces (n, 3, 3): separate triangles.
         faces: (m, 3) whole numbers. Answers name faces by their place here.
         preset: ``fast``, ``narrow``, ``balanced`` or ``best``, by time to build; or ``builder=``: ``median``, ``binned``, ``sweep``.
+            ``auto``, with ``rays``: the one that is expected to take the least time for the build and so many rays on the CPU, by
+            measurements; ``preset_reason`` says why. It may differ between machines, and so may the tree.
+        rays: how many rays the tree is to answer; of ``preset="auto"`` only.
         layout: ``fast``, or ``compact`` for a third to a half of the memory and slower rays.
         backend: ``cpu``; ``wgpu``, a GPU or an error; ``auto``, a GPU that is hardware and gives the CPU's bits, else the CPU.
         adapter: part of a GPU's name.
@@ -148,13 +153,21 @@ class Tree(Handle[_native.Tree]):
 
         Faces with a coordinate that is not finite, or with two equal corners, are left out; ``summary.dropped`` counts them.
         """
-        arguments = build_arguments(preset, layout, max_memory, knobs)
-        device = backend_arguments(backend, adapter)
+        auto = is_auto(preset, rays, backend, knobs)
+        arguments = build_arguments("fast" if auto else preset, layout, max_memory, knobs)
+        # Presets were measured on the CPU.
+        device = backend_arguments("cpu" if auto and backend == "auto" else backend, adapter)
         call = arrays.call(threads, progress)
         shift = checked_origin(arrays.origin_of(origin, vertices))
         own, index, rounded = arrays.mesh_of(vertices, faces, shift)
+        reason = None
+        if auto and rays is not None:
+            chosen, reason = _native.choose_preset(own, index, int(rays), call[0])
+            arguments = (chosen, *arguments[1:])
         native = _native.Tree.build(own, index, arguments, device, call)
-        return cls._of(native, own, index, shift, rounded, arguments, device)
+        tree = cls._of(native, own, index, shift, rounded, arguments, device)
+        tree._preset_reason = reason
+        return tree
 
     @classmethod
     def _of(
@@ -171,6 +184,7 @@ class Tree(Handle[_native.Tree]):
         tree._own = native
         tree._vertices, tree._faces, tree._origin = vertices, faces, origin
         tree._rounded, tree._arguments, tree._backend = rounded, arguments, backend
+        tree._preset_reason = None
         return tree
 
     def rebuild(
@@ -232,6 +246,12 @@ class Tree(Handle[_native.Tree]):
         """The box of all triangles that were kept: its lower and its upper corner, (2, 3) float64."""
         box = np.asarray(self._native.bounds(), dtype=np.float64)
         return box if self._origin is None else box + self._origin
+
+    @property
+    def preset_reason(self) -> str | None:
+        """Why ``preset="auto"`` chose this preset; none where it was named."""
+        self._native
+        return self._preset_reason
 
     @property
     def backend(self) -> str:
