@@ -738,7 +738,7 @@ fn planted_faults_are_seen() {
         ),
         ("no slack of planes", "free_mul_add(abs(t), PLANE_SLACK, slack)", "0.0"),
         ("stops too early", "STOP_SLACK: f32 = 0x1p-13f", "STOP_SLACK: f32 = -0x1p-3f"),
-        ("nodes below a cell", "interval.y < place.enter", "interval.y < place.leave"),
+        ("nodes below a cell", "interval.y < enter", "interval.y < leave"),
         ("weights swapped", "weights_over(vec3<f32>(edges.y", "weights_over(vec3<f32>(edges.x"),
         ("deferred rays are lost", "defer_ray(index);", ""),
         ("zeros are outside", "return SIDE_OPEN;", "return 0;"),

@@ -611,7 +611,7 @@ fn planted_faults_are_seen() {
         ("defer_ray(index);", ""),
         ("deferred_rays[1u + place];", "deferred_rays[place];"),
         ("entry < STACK_STEP + SHORT_ENTRIES", "true"),
-        ("interval.y < place.enter", "interval.y < place.leave"),
+        ("interval.y < enter", "interval.y < leave"),
     ] {
         let faulty = sources.clone().map(|source| source.replacen(from, to, 1));
         assert_ne!(faulty, sources, "{from}: the text is not there");

@@ -20,55 +20,6 @@ struct StackEntry {
     leave: f32,
 }
 
-// Where a walk is.
-struct Place {
-    // NO_NODE in a leaf and after it.
-    node: u32,
-    // The ray's interval in the node.
-    enter: f32,
-    leave: f32,
-    // At the end there is nothing on the stack, and only then.
-    top: u32,
-    // What is left of the leaf that the walk is in.
-    at: u32,
-    end: u32,
-    // Whether the stack had no room.
-    full: bool,
-}
-
-// One node on: from an interior one to the child that is nearer, of those that the ray meets; from a leaf to its triangles.
-fn visited(before: Place, ray: PreparedRay) -> Place {
-    observe_node();
-    var place = before;
-    let words = nodes[place.node];
-    let tag = words.y & 3u;
-    let payload = words.y >> 2u;
-    if tag == 3u {
-        place.at = words.x;
-        place.end = words.x + payload;
-        place.node = NO_NODE;
-        return place;
-    }
-    let interval = plane_interval(ray, tag, bitcast<f32>(words.x));
-    let backwards = is_backwards(ray, tag);
-    let near = select(place.node + 1u, payload, backwards);
-    let far = select(payload, place.node + 1u, backwards);
-    if interval.y < place.enter {
-        place.node = far;
-    } else if interval.x > place.leave {
-        place.node = near;
-    } else if stack_has(place.top) {
-        stack_store(place.top, StackEntry(far, most(place.enter, interval.x), place.leave));
-        place.top += STACK_STEP;
-        place.node = near;
-        place.leave = least(place.leave, interval.y);
-    } else {
-        place.node = NO_NODE;
-        place.full = true;
-    }
-    return place;
-}
-
 // False once a driver ends the loops of the invocation, those of triangle tests included: llvmpipe then lets each loop
 // run once.
 fn loops_run() -> bool {
@@ -101,36 +52,116 @@ fn walk_ray(ray: Ray, options: QueryOptions, any: bool, root: u32) -> Hit {
         return Hit(-GREATEST, UNDECIDED_HIT, 0.0, 0.0);
     }
     let entered = enter_bounds(prepared);
-    if entered.x > entered.y {
+    var enter = entered.x;
+    var leave = entered.y;
+    if enter > leave {
         return no_hit();
     }
     var search = new_search();
-    let start = Place(root, entered.x, entered.y, stack_start(), 0u, 0u, false);
-    var place = start;
+    // At the end there is nothing on the stack, and only then.
+    var top = stack_start();
+    // None in a leaf and after it.
+    var node = root;
+    // What is left of the leaf that the walk is in.
+    var at = 0u;
+    var end = 0u;
     // A closer look is taken outside of the walk: there it costs nothing to rays that take none.
     loop {
         var pending = NO_TRIANGLE;
         // One loop for nodes, triangles and stack: drivers that run rays in step count the rounds of inner loops even
-        // for rays that are in none. Three nodes a round, since rounds cost too: on an H100 up to a fifth of the rate.
+        // for rays that are in none. Three nodes a round, since rounds cost too: on an H100 5 to 20 % of the rate. They are
+        // written out, since a function of one step, on a struct, took a fifth to a third of it.
         loop {
-            if place.node != NO_NODE {
-                place = visited(place, prepared);
+            if node != NO_NODE {
+                observe_node();
+                let words = nodes[node];
+                let tag = words.y & 3u;
+                let payload = words.y >> 2u;
+                if tag != 3u {
+                    let interval = plane_interval(prepared, tag, bitcast<f32>(words.x));
+                    let backwards = is_backwards(prepared, tag);
+                    let near = select(node + 1u, payload, backwards);
+                    let far = select(payload, node + 1u, backwards);
+                    if interval.y < enter {
+                        node = far;
+                    } else if interval.x > leave {
+                        node = near;
+                    } else {
+                        if !stack_has(top) {
+                            return Hit(GREATEST, DEFERRED, 0.0, 0.0);
+                        }
+                        stack_store(top, StackEntry(far, most(enter, interval.x), leave));
+                        top += STACK_STEP;
+                        node = near;
+                        leave = least(leave, interval.y);
+                    }
+                } else {
+                    at = words.x;
+                    end = at + payload;
+                    node = NO_NODE;
+                }
             }
-            if place.node != NO_NODE {
-                place = visited(place, prepared);
+            if node != NO_NODE {
+                observe_node();
+                let words = nodes[node];
+                let tag = words.y & 3u;
+                let payload = words.y >> 2u;
+                if tag != 3u {
+                    let interval = plane_interval(prepared, tag, bitcast<f32>(words.x));
+                    let backwards = is_backwards(prepared, tag);
+                    let near = select(node + 1u, payload, backwards);
+                    let far = select(payload, node + 1u, backwards);
+                    if interval.y < enter {
+                        node = far;
+                    } else if interval.x > leave {
+                        node = near;
+                    } else {
+                        if !stack_has(top) {
+                            return Hit(GREATEST, DEFERRED, 0.0, 0.0);
+                        }
+                        stack_store(top, StackEntry(far, most(enter, interval.x), leave));
+                        top += STACK_STEP;
+                        node = near;
+                        leave = least(leave, interval.y);
+                    }
+                } else {
+                    at = words.x;
+                    end = at + payload;
+                    node = NO_NODE;
+                }
             }
-            if place.node != NO_NODE {
-                place = visited(place, prepared);
+            if node != NO_NODE {
+                observe_node();
+                let words = nodes[node];
+                let tag = words.y & 3u;
+                let payload = words.y >> 2u;
+                if tag != 3u {
+                    let interval = plane_interval(prepared, tag, bitcast<f32>(words.x));
+                    let backwards = is_backwards(prepared, tag);
+                    let near = select(node + 1u, payload, backwards);
+                    let far = select(payload, node + 1u, backwards);
+                    if interval.y < enter {
+                        node = far;
+                    } else if interval.x > leave {
+                        node = near;
+                    } else {
+                        if !stack_has(top) {
+                            return Hit(GREATEST, DEFERRED, 0.0, 0.0);
+                        }
+                        stack_store(top, StackEntry(far, most(enter, interval.x), leave));
+                        top += STACK_STEP;
+                        node = near;
+                        leave = least(leave, interval.y);
+                    }
+                    continue;
+                }
+                at = words.x;
+                end = at + payload;
+                node = NO_NODE;
             }
-            if place.full {
-                return Hit(GREATEST, DEFERRED, 0.0, 0.0);
-            }
-            if place.node != NO_NODE {
-                continue;
-            }
-            if place.at < place.end {
-                let triangle = leaf_references[place.at];
-                place.at += 1u;
+            if at < end {
+                let triangle = leaf_references[at];
+                at += 1u;
                 if triangle != options.ignore && !may_skip(search, triangle) {
                     observe_triangle();
                     search = searched(search, prepared, triangle, options.culling, any);
@@ -149,16 +180,16 @@ fn walk_ray(ray: Ray, options: QueryOptions, any: bool, root: u32) -> Hit {
                     }
                 }
             }
-            if place.at < place.end {
+            if at < end {
                 continue;
             }
-            place.top -= STACK_STEP;
-            if place.top >= STACK_STEP {
-                let entry = stack_entry(place.top);
+            top -= STACK_STEP;
+            if top >= STACK_STEP {
+                let entry = stack_entry(top);
                 if entry.enter <= search.stop {
-                    place.node = entry.node;
-                    place.enter = entry.enter;
-                    place.leave = entry.leave;
+                    node = entry.node;
+                    enter = entry.enter;
+                    leave = entry.leave;
                 }
                 continue;
             }
@@ -168,7 +199,10 @@ fn walk_ray(ray: Ray, options: QueryOptions, any: bool, root: u32) -> Hit {
             // Once more from the start, for what lies behind.
             prepared = passed(prepared, search);
             search = new_search();
-            place = start;
+            top = stack_start();
+            node = root;
+            enter = entered.x;
+            leave = entered.y;
         }
         if pending == NO_TRIANGLE {
             break;
@@ -181,7 +215,7 @@ fn walk_ray(ray: Ray, options: QueryOptions, any: bool, root: u32) -> Hit {
             return search_hit(search, prepared);
         }
     }
-    if (place.top ^ opaque_zero) >= STACK_STEP || !loops_run() {
+    if (top ^ opaque_zero) >= STACK_STEP || !loops_run() {
         return Hit(GREATEST, UNFINISHED, 0.0, 0.0);
     }
     return search_hit(search, prepared);
