@@ -152,28 +152,28 @@ pub(crate) fn empty(device: &Device, dispatches: u64) -> Predicted {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::devices::DEVICES;
+    use crate::model::devices::BY_HAND;
 
     fn close(a: f64, b: f64) -> bool {
         (a - b).abs() <= 1e-9 * b.abs().max(1e-9)
     }
 
     /// 132 multiprocessors of 4 schedulers, 64 warps, 65,536 registers and 228 KiB; 3 us a dispatch.
-    const H200: &Device = &DEVICES[0];
+    const DEVICE: &Device = &BY_HAND;
 
     #[test]
     fn workgroups_fit_by_what_is_scarce() {
         let of = |registers, shared| Shader { per_operation: 1.0, registers, shared, known: true };
         // 65,536 / (64 registers * 32 lanes * 2 warps) = 16.
-        assert_eq!(resident(H200, &of(64.0, 0.0), 64), 16.0);
+        assert_eq!(resident(DEVICE, &of(64.0, 0.0), 64), 16.0);
         // 57 registers are given out as 64.
-        assert_eq!(resident(H200, &of(57.0, 0.0), 64), 16.0);
+        assert_eq!(resident(DEVICE, &of(57.0, 0.0), 64), 16.0);
         // 64 warps / 8 = 8.
-        assert_eq!(resident(H200, &of(24.0, 0.0), 256), 8.0);
+        assert_eq!(resident(DEVICE, &of(24.0, 0.0), 256), 8.0);
         // 233,472 / 50,000 = 4.67.
-        assert_eq!(resident(H200, &of(24.0, 50_000.0), 64), 4.0);
+        assert_eq!(resident(DEVICE, &of(24.0, 50_000.0), 64), 4.0);
         // 32 is the most.
-        assert_eq!(resident(H200, &of(8.0, 0.0), 32), 32.0);
+        assert_eq!(resident(DEVICE, &of(8.0, 0.0), 32), 32.0);
     }
 
     /// One workgroup of 256 lanes, 1,000 operations each in step, two instructions an operation, no load: 8 warps on 4
@@ -195,7 +195,7 @@ mod tests {
             read: 4_300_000,
             ..Tally::default()
         };
-        let found = dispatch(H200, &shader, 256, &of);
+        let found = dispatch(DEVICE, &shader, 256, &of);
         assert!(close(found.instructions, 8_000.0 / 1.755e6), "{found:?}");
         assert!(close(found.chain, 8_300.0 / 1.755e6), "{found:?}");
         // 4.3 MB at 4,300 GB/s.
@@ -222,14 +222,14 @@ mod tests {
             busy_in_step: groups * 2 * 1_000,
             ..Tally::default()
         };
-        let found = dispatch(H200, &shader, 64, &of);
+        let found = dispatch(DEVICE, &shader, 64, &of);
         let issue = 8.0 / 17.5;
         let cycles = (groups * 2_000) as f64 / (132.0 * 4.0 * issue);
         assert!(close(found.instructions, cycles / 1.755e6), "{found:?}");
         // With more warps than are needed the scheduler is what binds.
         let lean = Shader { registers: 16.0, ..shader };
         let of = Tally { busy: 2 * groups, workgroups: 2 * groups, ..of };
-        let found = dispatch(H200, &lean, 64, &of);
+        let found = dispatch(DEVICE, &lean, 64, &of);
         assert!(close(found.instructions, (groups * 2_000) as f64 / (528.0 * 0.6) / 1.755e6));
     }
 
@@ -248,13 +248,13 @@ mod tests {
             busy_in_step: 200,
             ..Tally::default()
         };
-        let found = dispatch(H200, &shader, 64, &of);
+        let found = dispatch(DEVICE, &shader, 64, &of);
         assert!(close(found.instructions, 200.0 / (4.0 * 0.125) / 1.755e6), "{found:?}");
     }
 
     #[test]
     fn empty_dispatches_cost_their_launch() {
-        let found = empty(H200, 100);
+        let found = empty(DEVICE, 100);
         assert!(close(found.time, 0.3) && found.bound() == "launch");
     }
 }

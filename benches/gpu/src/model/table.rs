@@ -195,7 +195,7 @@ pub(crate) fn assumptions(device: &Device, measured: &[(&str, f64)]) -> String {
 mod tests {
     use super::*;
     use crate::count::tally::Counted;
-    use crate::model::devices::DEVICES;
+    use crate::model::devices::BY_HAND;
     use splitplane::core::kernel::Kernel;
 
     /// Ten dispatches of a kernel that moves 4.3 MB each, two more that do nothing, and one without a kernel.
@@ -208,7 +208,7 @@ mod tests {
             CountedBuild { triangles: 1, kernels: vec![counted], rebuild: Default::default() };
         build_of.rebuild.dispatches = 13;
         let times = [KernelTime { kernel, dispatches: 12, nanoseconds: 92_000.0 }];
-        let text = build(&DEVICES[0], &build_of, &times);
+        let text = build(&BY_HAND, &build_of, &times);
         // 12 launches of 3 us, ten times 1 us.
         assert!(text.contains("| **0.046** | launch | 0.092 | 2.00 |"), "{text}");
         assert!(text.contains("| without work | 1 |"), "{text}");
@@ -217,7 +217,7 @@ mod tests {
 
     #[test]
     fn assumptions_show_what_was_measured() {
-        let text = assumptions(&DEVICES[0], &[("copies, GB/s", 2150.0)]);
+        let text = assumptions(&BY_HAND, &[("copies, GB/s", 2150.0)]);
         assert!(text.contains("| copies, GB/s | 4300 | 2150.000 | 0.50 | assumed"), "{text}");
         assert!(text.contains("| multiprocessors | 132 | - | - |"), "{text}");
     }
