@@ -47,6 +47,9 @@ pub(super) struct SceneStream<'a, T> {
 /// Whether rays that go the same way are followed together. A page loads what that takes, a tenth of all it loads for rays: there they are not.
 const TOGETHER: bool = !cfg!(target_family = "wasm");
 
+/// Whether scenes all of whose hits count have functions of their own.
+const EVERY_HIT: bool = !cfg!(target_family = "wasm");
+
 impl<T: SceneAnswer> Compiled for SceneStream<'_, T> {
     /// An error where there is no memory for the rays under way.
     type Output = Result<Followed, TryReserveError>;
@@ -56,15 +59,17 @@ impl<T: SceneAnswer> Compiled for SceneStream<'_, T> {
         // SAFETY: the caller's contract.
         unsafe {
             match (self.geometries.layout, all_count(self.scene, self.options)) {
-                // A page loads each of these: there the layout that is chosen for its size has one.
-                (QueryLayout::Compact, true) if !cfg!(target_family = "wasm") => {
+                // A page loads each of these: there a layout has one, which tells each hit whether it counts.
+                (QueryLayout::Compact, true) if EVERY_HIT => {
                     S::call(Flying::<T, IndexedLeaves<'_>, EveryHit>::new(self))
                 }
                 (QueryLayout::Compact, _) => {
                     S::call(Flying::<T, IndexedLeaves<'_>, KeptHits>::new(self))
                 }
-                (_, true) => S::call(Flying::<T, PackedLeaves<'_>, EveryHit>::new(self)),
-                (_, false) => S::call(Flying::<T, PackedLeaves<'_>, KeptHits>::new(self)),
+                (_, true) if EVERY_HIT => {
+                    S::call(Flying::<T, PackedLeaves<'_>, EveryHit>::new(self))
+                }
+                (_, _) => S::call(Flying::<T, PackedLeaves<'_>, KeptHits>::new(self)),
             }
         }
     }
