@@ -232,7 +232,7 @@ fn an_overflow_behind_the_traits() {
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn a_scene_deeper_than_the_last_one_is_finished_by_a_second_submission() {
-    // With the middle stage only nodes of over 4,096 references are the levels' work, and the first submission must leave
+    // With the middle stage only nodes of over 2,048 references are the levels' work, and the first submission must leave
     // that stage to the second. Where planes are found by bins there is no such stage.
     for (preset, triangles, size, halvings) in
         [(Preset::Fast, 20_000, 0.005, 15), (Preset::Balanced, 2_000, 0.02, 60)]

@@ -14,7 +14,7 @@
 @group(0) @binding(7) var<storage, read_write> nodes: array<vec2<u32>>;
 @group(0) @binding(8) var<storage, read_write> leaf_references: array<u32>;
 
-// These roots are among the greatest.
+// Most of these roots are large: kept ones have few nodes.
 const SMALL_LANES: u32 = 64u;
 
 // Where the current root begins in the output.

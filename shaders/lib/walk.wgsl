@@ -69,8 +69,8 @@ fn walk_ray(ray: Ray, options: QueryOptions, any: bool, root: u32) -> Hit {
     loop {
         var pending = NO_TRIANGLE;
         // One loop for nodes, triangles and stack: drivers that run rays in step count the rounds of inner loops even
-        // for rays that are in none. Three nodes a round, since rounds cost too: on an H100 5 to 20 % of the rate. They are
-        // written out, since a function of one step, on a struct, took a fifth to a third of it.
+        // for rays that are in none. Three nodes a round, since rounds cost too: on an H100 4 to 10 % of the rate. They are
+        // written out, since a function of one step, on a struct, took up to a third of it.
         loop {
             if node != NO_NODE {
                 observe_node();

@@ -31,7 +31,7 @@ pub const CHILDREN: usize = 8;
 pub const LEAF_MOST: u32 = 31;
 /// Bits of [`CompressedNode::first_reference`] below the number of children that are nodes.
 pub const REFERENCE_BITS: u32 = 26;
-/// Entries of a stack in the memory of a workgroup. Rays that need more are traced through the tree itself.
+/// Entries of a ray's stack on a device. Rays that need more are traced through the tree itself.
 pub const BOX_ENTRIES: u32 = 16;
 /// By this factor a ray leaves a box later than is computed. The distance to a side is computed in 11 roundings of 2^-24
 /// at most where a device errs as far as WGSL lets it, and `PLANE_SLACK` has 4 for the images of corners: 2^-18 is twice

@@ -56,6 +56,8 @@ const fn of(number: f64, source: &'static str) -> Assumed {
 }
 
 const GUESS: &str = "assumed; nothing was measured";
+const ESTIMATED: &str =
+    "estimated on an H100, 160 to 190 KiB: docs/measurements/gpu-hardware-2026-11-26.md";
 const MEASURED: &str = "measured on an H100: docs/measurements/gpu-hardware-2026-11-26.md";
 const TUNING: &str = "NVIDIA, Hopper Tuning Guide: occupancy";
 const ADA: &str = "NVIDIA, Ada GPU Architecture whitepaper";
@@ -75,9 +77,9 @@ pub(crate) const DEVICES: [Device; 4] = [
         warps: of(64.0, TUNING),
         workgroups: of(32.0, TUNING),
         registers: of(65_536.0, TUNING),
-        shared: of(184_320.0, MEASURED),
+        shared: of(184_320.0, ESTIMATED),
         step: of(7.9, MEASURED),
-        load: of(309.0, MEASURED),
+        load: of(316.0, MEASURED),
         dependent: of(0.5, GUESS),
         barrier: of(46.0, MEASURED),
         dispatch: of(2.1, MEASURED),
@@ -94,9 +96,9 @@ pub(crate) const DEVICES: [Device; 4] = [
         warps: of(64.0, TUNING),
         workgroups: of(32.0, TUNING),
         registers: of(65_536.0, TUNING),
-        shared: of(184_320.0, MEASURED),
+        shared: of(184_320.0, ESTIMATED),
         step: of(7.9, MEASURED),
-        load: of(309.0, MEASURED),
+        load: of(316.0, MEASURED),
         dependent: of(0.5, GUESS),
         barrier: of(46.0, MEASURED),
         dispatch: of(2.1, MEASURED),
