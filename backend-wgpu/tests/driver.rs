@@ -203,7 +203,8 @@ fn opening_makes_what_the_self_test_needs_and_nothing_is_made_twice() {
     }
     // No query but the two, each of two kernels, and of the builder no more than there is.
     let queries = splitplane_shaders::QUERIES.iter().map(|shader| shader.name);
-    let builder = splitplane_shaders::KERNELS.iter().map(|shader| shader.name);
+    let builder = splitplane_shaders::KERNELS.iter().chain(splitplane_shaders::KERNEL_RETRIES);
+    let builder = builder.map(|shader| shader.name);
     assert_eq!(made.iter().filter(|name| queries.clone().any(|q| q == *name)).count(), 5);
     let of_builder = made.iter().filter(|name| builder.clone().any(|k| k == *name)).count();
     assert_eq!(of_builder + 5 + 1, made.len(), "{made:?}");
