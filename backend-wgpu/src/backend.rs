@@ -99,6 +99,14 @@ impl WgpuBackend {
         backend
     }
 
+    /// The same, with another text of what finishes the kernel's work.
+    #[doc(hidden)]
+    pub fn with_replaced_retry(gpu: Gpu, kernel: Kernel, source: String) -> WgpuBackend {
+        let backend = WgpuBackend::without_selftest(gpu);
+        backend.shared.pipelines.replace_retry::<TreeBuilder>(kernel, Some(source));
+        backend
+    }
+
     /// A backend that takes this to be what the self-test found: for tests of devices that are not there.
     #[doc(hidden)]
     pub fn with_parity(gpu: Gpu, parity: Parity) -> WgpuBackend {

@@ -350,6 +350,26 @@ fn memory_that_is_read_before_it_is_written_is_seen() {
     }
 }
 
+/// Subtrees that are not kept are built again, whatever the memory of workgroups holds, and a fault in that is seen.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn subtrees_that_are_built_again() {
+    let (scene, config) = (scenes::soup(1000, 0.4, 9), Preset::Narrow.config());
+    let retry = splitplane_shaders::kernel_retry("emit_small").expect("a retry").source();
+    let by = |source| {
+        let gpu = Gpu::clone(&common::gpu());
+        let backend = WgpuBackend::with_replaced_retry(gpu, Kernel::EmitSmall, source);
+        in_step(&backend, &scene.mesh(), &config).is_ok()
+    };
+    for word in poison::WORDS {
+        assert!(by(poison::poisoned(&retry, word).expect("memory of a workgroup")), "{word}");
+    }
+    let right = "leaf_references[address.y + index] = triangle;";
+    let faulty = retry.replace(right, "leaf_references[address.y + index] = triangle ^ 1u;");
+    assert_ne!(faulty, retry, "the text to change is gone");
+    assert!(!by(faulty), "a fault went unseen");
+}
+
 /// A schedule for planes that the executor's preset does not find ends in an error.
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]

@@ -140,10 +140,12 @@ fn measure_scene(
             rays::made(&scene, &built.cpu, &placement, [width, height])?
         }
     };
+    // Predictions are about tiles; rays from a folder are in the order that they have there.
+    let predicted = if options.rays_from.is_some() { "primary" } else { rays::TILES };
     for set in &sets {
         for query in trace::Query::ALL {
             let figures = trace::measure(&built, set, query, options)?;
-            if (set.name, query) == (rays::TILES, trace::Query::Closest) && !options.check {
+            if (set.name, query) == (predicted, trace::Query::Closest) && !options.check {
                 measured.primary = Some(figures.resident_mrays());
             }
             report.trace(name, &figures)?;
