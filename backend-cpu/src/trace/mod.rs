@@ -14,6 +14,8 @@ pub(crate) mod batch;
 pub(crate) mod block_test;
 pub(crate) mod bunch;
 pub(crate) mod exact;
+#[cfg(not(target_family = "wasm"))]
+pub(crate) mod exact_hits;
 pub(crate) mod fast;
 pub(crate) mod keep;
 pub(crate) mod leaves;

@@ -32,17 +32,23 @@
 //! depths. Where |D| >= 8 m, the weights sum to at most 1.5 |D| in magnitude, and the roundings of
 //! depths, products, sums and quotient come to less than 12 * 1.5 u of the greatest depth. The sieve
 //! takes 5 m spread / |D| and 32 u, and 2^-120 / |D| for products that underflow.
+//!
+//! *Certain hits.* The same bounds say where a ray certainly meets a triangle: where all three edge functions are of one sign and greater
+//! than their error, and all of the interval that holds `t` is within the limits, taken narrower by as much as they are taken
+//! wider above. What is certainly met at a `t` certainly less than that of all others is the closest hit, and any of it is a hit: then the exact
+//! test is for the numbers of one hit, or for nothing.
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::exact::ExactRay;
 use splitplane_core::query::intersect::{EDGE_LEAST, STOP_SLACK};
 use splitplane_core::query::traverse::Query;
 use splitplane_core::query::traverse::exact::Best;
-use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::ray::{Culling, Hit, QueryOptions, Ray};
+use splitplane_core::triangle::Triangle;
 
 use super::ray_state::RayState;
 use super::triangle_block::TriangleBlock;
-use crate::simd::Simd;
+use crate::simd::{MOST_LANES, Simd};
 
 /// The error of an edge function, in R P.
 pub(crate) const EDGE_ERROR: f32 = 36.0 * ROUNDING;
@@ -56,8 +62,13 @@ pub(crate) const TINY: f32 = 7.523_164e-37; // 2^-120
 const OFFSET_ERROR: f32 = 3.552_713_7e-15; // 2^-48
 /// M of rays whose origin is next to 0, and of all others, since it is so little.
 const SHIFTED: f32 = 1.455_191_5e-11; // 2^-36
+/// The part by which limits are taken narrower for hits that are certain, beyond [`STOP_SLACK`]: a `t` that counts as 0 is below it.
+const NARROWER: f32 = 7.888_609e-31; // 2^-100
+/// Of a `t` in `f64` the part by which it may differ after it was rounded to a float, and more; and what may be lost to zero.
+const FLOAT_ERROR: f32 = 4.0 * ROUNDING;
+const FLOAT_LEAST: f32 = 4.0 * f32::MIN_POSITIVE;
 /// The rounding error of 1.
-const ROUNDING: f32 = 5.960_464_5e-8; // 2^-24
+pub(crate) const ROUNDING: f32 = 5.960_464_5e-8; // 2^-24
 
 /// The data of a ray that the sieve needs, in addition to those of all tests.
 #[derive(Clone, Copy, Debug)]
@@ -74,6 +85,8 @@ pub(crate) struct Reach {
     pub t_min: f32,
     /// See `t_min`.
     pub t_max: f32,
+    /// The same, narrowed.
+    pub within: [f32; 2],
 }
 
 impl Reach {
@@ -89,11 +102,9 @@ impl Reach {
         }
         let moved = if ray.offset == 0.0 { SHIFTED } else { moved.max(SHIFTED) };
         let late = 8.0 * ROUNDING * moved + ray.offset.abs() * OFFSET_ERROR;
-        Reach {
-            moved,
-            late,
-            ..Reach::of(reach.map(|reach| reach + moved), ray.t_min - late, ray.t_max + late)
-        }
+        let [t_min, t_max] = [ray.t_min - late, ray.t_max + late];
+        let within = [least_within(ray.t_min + late), most_within(ray.t_max - late)];
+        Reach { moved, late, within, ..Reach::of(reach.map(|reach| reach + moved), t_min, t_max) }
     }
 
     /// The same from R, of large triangles and of others, and the inner limits.
@@ -109,8 +120,21 @@ impl Reach {
             late: 0.0,
             t_min: t_min - t_min.abs() * STOP_SLACK,
             t_max: t_max + t_max.abs() * STOP_SLACK,
+            within: [least_within(t_min), most_within(t_max)],
         }
     }
+}
+
+/// A lower limit, narrowed: what is not before it is certainly within. Limits are clamped and snapped on the way in.
+#[cfg_attr(not(unoptimised), inline(always))]
+pub(crate) fn least_within(t_min: f32) -> f32 {
+    (t_min + t_min.abs() * STOP_SLACK) + NARROWER
+}
+
+/// An upper limit, narrowed.
+#[cfg_attr(not(unoptimised), inline(always))]
+pub(crate) fn most_within(t_max: f32) -> f32 {
+    (t_max - t_max.abs() * STOP_SLACK) - NARROWER
 }
 
 /// A ray under way, as the exact test takes it.
@@ -118,6 +142,13 @@ impl Reach {
 pub(crate) struct ExactLane {
     ray: ExactRay,
     reach: Reach,
+    /// The triangle of the best hit so far, if there is one.
+    triangle: u32,
+    /// Inner `t` between which that hit certainly is; infinite without one.
+    between: [f32; 2],
+    /// Its corners, where it was not decided but certain.
+    corners: Triangle,
+    /// The same hit, where it was decided.
     best: Best,
 }
 
@@ -125,21 +156,40 @@ impl ExactLane {
     /// A lane that has no ray.
     pub(crate) fn idle() -> ExactLane {
         let ray = ExactRay { origin: [0.0; 3], direction: [1.0, 0.0, 0.0], t_min: 1.0, t_max: 0.0 };
-        ExactLane { ray, reach: Reach::of([0.0; 2], 0.0, 0.0), best: Best::default() }
+        ExactLane::of(ray, Reach::of([0.0; 2], 0.0, 0.0))
+    }
+
+    /// A ray without a hit so far.
+    fn of(ray: ExactRay, reach: Reach) -> ExactLane {
+        let (triangle, between) = (Hit::MISS.triangle, [f32::INFINITY; 2]);
+        ExactLane { ray, reach, triangle, between, corners: [[0.0; 3]; 3], best: Best::default() }
     }
 
     /// A ray about to start, if it can hit anything. The first bounds hold all triangles, the second those that are not
     /// [large](crate::layout::large).
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) fn new(ray: &Ray, ray_state: &RayState, bounds: &[Aabb; 2]) -> Option<ExactLane> {
-        let ray = ExactRay::new(ray)?;
-        Some(ExactLane { ray, reach: Reach::new(ray_state, bounds), best: Best::default() })
+        Some(ExactLane::of(ExactRay::new(ray)?, Reach::new(ray_state, bounds)))
     }
 
-    /// The answer.
+    /// The answer: for any hit the triangle says it all.
     #[inline]
     pub(crate) fn hit(&self, query: Query) -> Hit {
-        answer(&self.best, query)
+        if query == Query::Any {
+            return Hit { triangle: self.triangle, ..Hit::MISS };
+        }
+        self.decided().hit()
+    }
+
+    /// The best hit, decided.
+    fn decided(&self) -> Best {
+        let mut best = self.best;
+        if self.triangle != Hit::MISS.triangle && best.triangle().is_none() {
+            // It is met, and faces the ray as it must.
+            best.test(&self.ray, &self.corners, self.triangle, Culling::None, Query::Closest);
+            debug_assert!(best.is_hit(), "{self:?}");
+        }
+        best
     }
 
     /// Tests a block; `stop` is the inner `t` beyond which nothing can precede the best hit. True when
@@ -158,73 +208,248 @@ impl ExactLane {
     ) -> bool {
         let limit = self.reach.t_max.min(*stop);
         // SAFETY: the caller's contract.
-        let bits = unsafe { sift::<S, T>(ray_state, &self.reach, block, limit) };
-        bits != 0 && self.decide(block, bits, ray_state, options, query, stop)
+        match unsafe { sift::<S, T>(ray_state, &self.reach, block, limit, options.culling) } {
+            Some(sifted) => self.take(block, &sifted, ray_state, options, query, stop),
+            None => false,
+        }
     }
 
-    /// Decides some triangles of a block.
+    /// Takes what is met of a block, deciding what is not certain.
     #[inline(never)]
-    fn decide<T: TriangleBlock>(
+    fn take<T: TriangleBlock>(
         &mut self,
         block: &T,
-        mut bits: u32,
+        sifted: &Sifted,
         ray_state: &RayState,
         options: &QueryOptions<'_>,
         query: Query,
         stop: &mut f32,
     ) -> bool {
         let mut better = false;
-        while bits != 0 {
-            let index = bits.trailing_zeros() as usize;
-            bits &= bits - 1;
+        let mut bits = sifted.in_order();
+        while let Some((index, certain)) = next_of(&mut bits) {
             let triangle = block.triangle(index);
             // Or met before, in another leaf.
-            if self.best.triangle() == Some(triangle) || options.ignore == Some(triangle) {
+            if self.triangle == triangle || options.ignore == Some(triangle) {
                 continue;
             }
-            self.best.test(&self.ray, &block.corners(index), triangle, options.culling, query);
-            if self.best.triangle() == Some(triangle) {
-                better = true;
-                if query == Query::Any {
-                    break;
-                }
-                let outer = self.best.stop();
-                *stop = inner_stop(outer, ray_state.exponent, ray_state.offset) + self.reach.late;
+            let [low, high] = [sifted.low[index], sifted.high[index]];
+            if low > self.between[1] {
+                continue;
             }
+            if certain && query == Query::Any {
+                self.triangle = triangle;
+                return true;
+            }
+            let corners = block.corners(index);
+            if certain && high < self.between[0] {
+                (self.triangle, self.corners, self.between) = (triangle, corners, [low, high]);
+                self.best = Best::default();
+            } else {
+                self.best = self.decided();
+                self.best.test(&self.ray, &corners, triangle, options.culling, query);
+                if self.best.triangle() != Some(triangle) {
+                    continue;
+                }
+                self.triangle = triangle;
+                self.between = inner_interval(
+                    &self.best,
+                    (ray_state.exponent, ray_state.offset),
+                    self.reach.late,
+                );
+            }
+            better = true;
+            if query == Query::Any {
+                break;
+            }
+            let last = self.between[1];
+            *stop = last + last.abs() * STOP_SLACK;
         }
         better
     }
 }
 
-/// The answer to a query: the hit, or the record of a miss; for any hit the triangle says it all.
-#[inline]
-pub(crate) fn answer(best: &Best, query: Query) -> Hit {
-    match query {
-        Query::Closest => best.hit(),
-        Query::Any => best.triangle().map_or(Hit::MISS, |triangle| Hit { triangle, ..Hit::MISS }),
+/// Inner `t` between which the best hit is, which was decided; `late` is the error of inner `t` beside their rounding.
+pub(crate) fn inner_interval(best: &Best, (exponent, offset): (i32, f32), late: f32) -> [f32; 2] {
+    // Exact in `f64`, except for what is beyond all floats anyway.
+    let power = f64::from_bits(((exponent + 1023) as u64) << 52);
+    let (least, most) = best.t_interval();
+    let [least, most] = [least, most].map(|t| (t * power - f64::from(offset)) as f32);
+    let error = |t: f32| t.abs() * FLOAT_ERROR + FLOAT_LEAST + late;
+    // Beyond all floats nothing is known.
+    let low = if least.is_finite() { least - error(least) } else { f32::NEG_INFINITY };
+    [low, if most.is_finite() { most + error(most) } else { f32::INFINITY }]
+}
+
+/// A number of each lane.
+type Row = [f32; MOST_LANES];
+
+/// What the sieve keeps of a block, or of rays: whatever may be met.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct Sifted {
+    /// Inner `t` before which a lane meets nothing, and after which.
+    pub low: Row,
+    pub high: Row,
+    /// The lanes that may meet, as bits.
+    pub bits: u32,
+    /// Those that certainly do, within the limits.
+    pub certain: u32,
+}
+
+impl Sifted {
+    /// The lanes as [`next_of`] takes them: certain ones first, since they may spare the others.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) fn in_order(&self) -> u64 {
+        u64::from(self.certain) | u64::from(self.bits & !self.certain) << 32
     }
 }
 
-/// The inner `t` beyond which no cell can hold a hit at or before an outer one.
-#[inline]
-pub(crate) fn inner_stop(t: f64, exponent: i32, offset: f32) -> f32 {
-    // Exact in `f64`, except for what is beyond all floats anyway.
-    let scaled = t * f64::from_bits(((exponent + 1023) as u64) << 52);
-    let inner = (scaled - f64::from(offset)) as f32;
-    inner + inner.abs() * STOP_SLACK
+/// The next lane, and whether it is certain.
+#[cfg_attr(not(unoptimised), inline(always))]
+pub(crate) fn next_of(bits: &mut u64) -> Option<(usize, bool)> {
+    if *bits == 0 {
+        return None;
+    }
+    let bit = bits.trailing_zeros() as usize;
+    *bits &= *bits - 1;
+    Some((bit % 32, bit < 32))
 }
 
-/// Bits of the triangles that the ray may meet at an inner `t` of at most `limit`, which is widened.
+/// Triangles as rays see them, a pair in each lane.
+pub(crate) struct Sight<S: Simd> {
+    /// Edge functions.
+    edges: [S::Floats; 3],
+    /// The least and the greatest of them.
+    least: S::Floats,
+    most: S::Floats,
+    /// Inner `t` of the corners.
+    depths: [S::Floats; 3],
+    /// Of the nearest and of the farthest.
+    nearest: S::Floats,
+    farthest: S::Floats,
+}
+
+/// Inner limits of rays, one in each lane: widened, and narrowed.
+pub(crate) struct Ends<S: Simd> {
+    pub t_min: S::Floats,
+    /// Beyond it nothing can precede the best hit either.
+    pub limit: S::Floats,
+    pub within: [S::Floats; 2],
+}
+
+/// What is known of lanes.
+pub(crate) struct Judged<S: Simd> {
+    pub bits: u32,
+    pub certain: u32,
+    /// Inner `t` between which the plane is met; all, where that is not known.
+    pub low: S::Floats,
+    pub high: S::Floats,
+}
+
+/// # Safety
+/// All methods: the processor must have the set.
+impl<S: Simd> Sight<S> {
+    /// From sheared coordinates of the corners, and their depths.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) unsafe fn new(
+        [[ax, bx, cx], [ay, by, cy]]: [[S::Floats; 3]; 2],
+        depths: [S::Floats; 3],
+    ) -> Sight<S> {
+        // SAFETY: the caller's contract.
+        unsafe {
+            let u = S::sub(S::mul(cx, by), S::mul(cy, bx));
+            let v = S::sub(S::mul(ax, cy), S::mul(ay, cx));
+            let w = S::sub(S::mul(bx, ay), S::mul(by, ax));
+            let [da, db, dc] = depths;
+            Sight {
+                edges: [u, v, w],
+                least: S::min(u, S::min(v, w)),
+                most: S::max(u, S::max(v, w)),
+                depths,
+                nearest: S::min(da, S::min(db, dc)),
+                farthest: S::max(da, S::max(db, dc)),
+            }
+        }
+    }
+
+    /// Where the ray is certainly outside, given the error of edge functions.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) unsafe fn outside(&self, error: S::Floats) -> u32 {
+        // SAFETY: the caller's contract.
+        unsafe {
+            let below = S::le(self.least, S::sub(S::splat(0.0), error));
+            S::bits(S::and(below, S::le(error, self.most)))
+        }
+    }
+
+    /// Where the depths of the corners reach into the limits.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) unsafe fn reaches(&self, ends: &Ends<S>) -> u32 {
+        // SAFETY: the caller's contract.
+        unsafe {
+            S::bits(S::and(S::le(ends.t_min, self.farthest), S::le(self.nearest, ends.limit)))
+        }
+    }
+
+    /// What is known of some lanes, given each triangle's own greatest distance, with what rays were moved by, and its greatest
+    /// sheared coordinate; far triangles make the distance of the scene large.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) unsafe fn judge(
+        &self,
+        mut bits: u32,
+        [own, width]: [S::Floats; 2],
+        late: S::Floats,
+        ends: &Ends<S>,
+        culling: Culling,
+    ) -> Judged<S> {
+        // SAFETY: the caller's contract.
+        unsafe {
+            let room = S::add(S::mul(S::splat(CORNER_ERROR), own), width);
+            let error = S::mul(S::mul(S::splat(EDGE_ERROR), own), room);
+            let error = S::add(error, S::splat(EDGE_LEAST));
+            bits &= !self.outside(error);
+            let [u, v, w] = self.edges;
+            let [da, db, dc] = self.depths;
+            let det = S::add(S::add(u, v), w);
+            let size = S::abs(det);
+            let sum = S::add(S::add(S::mul(u, da), S::mul(v, db)), S::mul(w, dc));
+            let t = S::div(sum, det);
+            let spread = S::mul(S::splat(5.0), S::sub(self.farthest, self.nearest));
+            let shift = S::div(S::add(S::mul(error, spread), S::splat(TINY)), size);
+            let deepest = S::magnitude(self.nearest, self.farthest);
+            let shift = S::add(S::mul(S::splat(DEPTH_ERROR), deepest), shift);
+            let shift = S::add(shift, late);
+            let sure = S::le(S::mul(S::splat(8.0), error), size);
+            let low = S::select(sure, S::sub(t, shift), S::splat(f32::NEG_INFINITY));
+            let high = S::select(sure, S::add(t, shift), S::splat(f32::INFINITY));
+            bits &= S::bits(S::and(S::le(ends.t_min, high), S::le(low, ends.limit)));
+            let front = S::bits(S::le(error, self.least));
+            let back = S::bits(S::le(self.most, S::sub(S::splat(0.0), error)));
+            let inside = match culling {
+                Culling::None => front | back,
+                Culling::Back => front,
+                Culling::Front => back,
+            };
+            let [first, last] = ends.within;
+            let within = S::bits(S::and(S::le(first, low), S::le(high, last)));
+            Judged { bits, certain: bits & inside & within, low, high }
+        }
+    }
+}
+
+/// What of a block the ray may meet at an inner `t` of at most `limit`, which is widened; `None` where that is nothing.
 ///
 /// # Safety
 /// The processor must have the set, and a block of its width must follow the triangles' words.
 #[cfg_attr(not(unoptimised), inline(always))]
-unsafe fn sift<S: Simd, T: TriangleBlock>(
+pub(crate) unsafe fn sift<S: Simd, T: TriangleBlock>(
     ray_state: &RayState,
     reach: &Reach,
     block: &T,
     limit: f32,
-) -> u32 {
+    culling: Culling,
+) -> Option<Sifted> {
     // SAFETY: the caller's contract.
     unsafe {
         let [kx, ky, kz] = ray_state.axes();
@@ -253,49 +478,34 @@ unsafe fn sift<S: Simd, T: TriangleBlock>(
             width[i] = S::magnitude(flat_x[i], flat_y[i]);
         }
         let places = block.places::<S>();
-        let [ax, bx, cx] = T::of_corners::<S>(flat_x, places);
-        let [ay, by, cy] = T::of_corners::<S>(flat_y, places);
-        let [da, db, dc] = T::of_corners::<S>(depth, places);
+        let flat = [T::of_corners::<S>(flat_x, places), T::of_corners::<S>(flat_y, places)];
+        let sight = Sight::<S>::new(flat, T::of_corners::<S>(depth, places));
         let [wa, wb, wc] = T::of_corners::<S>(width, places);
-        let u = S::sub(S::mul(cx, by), S::mul(cy, bx));
-        let v = S::sub(S::mul(ax, cy), S::mul(ay, cx));
-        let w = S::sub(S::mul(bx, ay), S::mul(by, ax));
         let width = S::max(wa, S::max(wb, wc));
         let [edge, least] = reach.errors[usize::from(!block.is_large())];
         let error = S::add(S::mul(S::splat(edge), width), S::splat(least));
-        let below = S::le(S::min(u, S::min(v, w)), S::sub(zero, error));
-        let above = S::le(error, S::max(u, S::max(v, w)));
-        let nearest = S::min(da, S::min(db, dc));
-        let farthest = S::max(da, S::max(db, dc));
-        let (t_min, limit) = (S::splat(reach.t_min), S::splat(limit));
-        let reached = S::and(S::le(t_min, farthest), S::le(nearest, limit));
-        let mut bits = S::bits(reached) & !S::bits(S::and(below, above));
+        let ends = Ends::<S> {
+            t_min: S::splat(reach.t_min),
+            limit: S::splat(limit),
+            within: [S::splat(reach.within[0]), S::splat(reach.within[1])],
+        };
         // Lanes after the last triangle do not count.
-        bits &= (1u32 << block.count()) - 1;
+        let there = (1u32 << block.count()) - 1;
+        let bits = there & sight.reaches(&ends) & !sight.outside(error);
         if bits == 0 {
-            return 0;
+            return None;
         }
         let [a, b, c] = T::of_corners::<S>(own, places);
         let own = S::add(S::max(a, S::max(b, c)), S::splat(reach.moved));
-        let room = S::add(S::mul(S::splat(CORNER_ERROR), own), width);
-        let error = S::mul(S::mul(S::splat(EDGE_ERROR), own), room);
-        let error = S::add(error, S::splat(EDGE_LEAST));
-        // Again with the triangle's own distance: far triangles make that of the scene large.
-        let below = S::le(S::min(u, S::min(v, w)), S::sub(zero, error));
-        let above = S::le(error, S::max(u, S::max(v, w)));
-        bits &= !S::bits(S::and(below, above));
-        let det = S::add(S::add(u, v), w);
-        let size = S::abs(det);
-        let sum = S::add(S::add(S::mul(u, da), S::mul(v, db)), S::mul(w, dc));
-        let t = S::div(sum, det);
-        let spread = S::mul(S::splat(5.0), S::sub(farthest, nearest));
-        let shift = S::div(S::add(S::mul(error, spread), S::splat(TINY)), size);
-        let deepest = S::magnitude(nearest, farthest);
-        let shift = S::add(S::mul(S::splat(DEPTH_ERROR), deepest), shift);
-        let shift = S::add(shift, S::splat(reach.late));
-        let sure = S::le(S::mul(S::splat(8.0), error), size);
-        let reached = S::and(S::le(t_min, S::add(t, shift)), S::le(S::sub(t, shift), limit));
-        bits & (!S::bits(sure) | S::bits(reached))
+        let judged = sight.judge(bits, [own, width], S::splat(reach.late), &ends, culling);
+        if judged.bits == 0 {
+            return None;
+        }
+        let Judged { bits, certain, low, high } = judged;
+        let mut sifted = Sifted { low: [0.0; MOST_LANES], high: [0.0; MOST_LANES], bits, certain };
+        S::store(sifted.low.as_mut_ptr(), low);
+        S::store(sifted.high.as_mut_ptr(), high);
+        Some(sifted)
     }
 }
 

@@ -1,14 +1,19 @@
 //! Where the lanes of a batch get their rays: prepared by vectors, and traced in packets where they are coherent.
 
-use splitplane_core::ray::{Accuracy, Hit, Ray};
+use splitplane_core::ray::{Accuracy, Hit, Ray, Rays};
 
 use super::batch::{Answers, RayBatch};
 use super::leaves::IndexedLeaves;
 use super::packet::Packet;
+#[cfg(not(target_family = "wasm"))]
+use super::packet::exact::TraceExactly;
 use super::prepare::{CHUNK, PreparedRays, RECORD, numbers};
 use super::ray_state::{RayState, ScalarOutcome};
 use super::{exact, reference};
 use crate::simd::{Simd, prefetch};
+
+/// Whether exact rays are traced in packets. A page would load what that takes.
+const EXACT_PACKETS: bool = !cfg!(target_family = "wasm");
 
 /// Where lanes get their rays: prepared 32 at a time.
 pub(super) struct Supply<'a> {
@@ -64,7 +69,7 @@ impl Supply<'_> {
                 answers.set(start + lane, Hit::MISS);
             }
             // SAFETY: the caller's contract.
-            unsafe { self.packets::<S>(start, answers) };
+            unsafe { self.packets::<S>(start, rest, answers) };
             if self.left != 0 {
                 // SAFETY: the caller's contract.
                 unsafe { self.ready.ray_states::<S>(self.ray_states) };
@@ -94,10 +99,16 @@ impl Supply<'_> {
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn packets<S: Simd>(&mut self, start: usize, answers: &mut Answers<'_>) {
+    unsafe fn packets<S: Simd>(
+        &mut self,
+        start: usize,
+        given: Rays<'_>,
+        answers: &mut Answers<'_>,
+    ) {
         let RayBatch { layout, scene, options, query, .. } = self.batch;
+        let exactly = options.accuracy == Accuracy::Exact;
         // Packets test blocks in their stored form.
-        if options.accuracy == Accuracy::Exact || IndexedLeaves::of(layout).is_some() {
+        if (exactly && !EXACT_PACKETS) || IndexedLeaves::of(layout).is_some() {
             return;
         }
         let sizes = if self.packet.keeps_together() { &[CHUNK, S::N][..] } else { &[S::N] };
@@ -111,8 +122,23 @@ impl Supply<'_> {
                     if !self.packet.take_coherent::<S>(self.ready, groups, rays, scene) {
                         continue;
                     }
+                    #[cfg(not(target_family = "wasm"))]
+                    if exactly {
+                        S::call(TraceExactly {
+                            packet: &mut *self.packet,
+                            layout,
+                            ready: &*self.ready,
+                            ray_states: &mut *self.ray_states,
+                            given,
+                            groups: lanes / S::N,
+                            bounds: [scene.bounds, layout.large.others],
+                            options,
+                            query,
+                        });
+                    }
                     let ready = (&*self.ready, &mut *self.ray_states);
                     match lanes / S::N {
+                        _ if exactly => {}
                         2 if S::N == 16 => self.packet.trace::<S, 2>(layout, ready, options, query),
                         4 if S::N == 8 => self.packet.trace::<S, 4>(layout, ready, options, query),
                         _ => self.packet.trace::<S, 1>(layout, ready, options, query),

@@ -139,8 +139,23 @@ impl Packet {
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) unsafe fn cull<S: Simd>(&self, block: &PackedBlock<'_>) -> u32 {
         // SAFETY: the caller's contract.
+        unsafe { self.cull_within::<S>(block, 0.0, [self.bounds.enter, self.bounds.stop]) }
+    }
+
+    /// The same for sheared corners that may be off by `slack`, and depths in a range.
+    ///
+    /// # Safety
+    /// As for [`Packet::trace`].
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(super) unsafe fn cull_within<S: Simd>(
+        &self,
+        block: &PackedBlock<'_>,
+        slack: f32,
+        [enter, stop]: [f32; 2],
+    ) -> u32 {
+        // SAFETY: the caller's contract.
         unsafe {
-            let Bounds { origin, shear, enter, stop, .. } = &self.bounds;
+            let Bounds { origin, shear, .. } = &self.bounds;
             let zero = S::splat(0.0);
             // Flat x, flat y, depth: least and greatest.
             let mut tables = [[[zero; 2]; 2]; 3];
@@ -166,10 +181,10 @@ impl Packet {
             ];
             let left = S::max(least::<S>(tables[0][0], places), least::<S>(tables[1][0], places));
             let right = S::min(most::<S>(tables[0][1], places), most::<S>(tables[1][1], places));
-            let met = S::and(S::le(left, zero), S::le(zero, right));
+            let met = S::and(S::le(left, S::splat(slack)), S::le(S::splat(-slack), right));
             // The rays enter the bounds within their limits: so this holds for those too.
-            let reached = S::le(S::splat(*enter), most::<S>(tables[2][1], places));
-            let before = S::le(least::<S>(tables[2][0], places), S::splat(*stop));
+            let reached = S::le(S::splat(enter), most::<S>(tables[2][1], places));
+            let before = S::le(least::<S>(tables[2][0], places), S::splat(stop));
             S::bits(S::and(met, S::and(reached, before)))
         }
     }

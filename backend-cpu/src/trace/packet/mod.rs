@@ -6,11 +6,13 @@
 //! by ray, one box against all rays of a group, when their turn comes. In a block, triangles that
 //! no ray of the packet can meet are rejected first, again by intervals; the others are tested one
 //! at a time against all rays of a group, by the operations of [`super::block_test`] in their
-//! order. So the hits are bit for bit those of single rays.
+//! order. So the hits are bit for bit those of single rays. Exact rays go the same way; their tests are in `exact.rs`.
 //!
 //! Rays of a packet have one octant and one largest axis, and lie side by side.
 
 mod bounds;
+#[cfg(not(target_family = "wasm"))]
+pub(crate) mod exact;
 mod group;
 mod row;
 mod take;
@@ -21,9 +23,11 @@ mod triangle;
 use std::collections::TryReserveError;
 
 use splitplane_core::query::traverse::Query;
-use splitplane_core::ray::{Accuracy, Hit, QueryOptions};
+use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Rays};
 
 use self::bounds::{Bounds, greatest};
+#[cfg(not(target_family = "wasm"))]
+use self::exact::ExactPacket;
 use self::group::Group;
 use self::row::{GroupRow, load};
 use crate::layout::packed_block::PackedBlock;
@@ -63,6 +67,9 @@ pub(crate) struct Packet {
     /// The first of the groups that were taken.
     first: usize,
     stack: PacketStack,
+    /// What exact rays need in addition. A page would load what they take; there they go one by one.
+    #[cfg(not(target_family = "wasm"))]
+    exact: ExactPacket,
     /// Of the rays of packets that came to blocks of late, how many there were and how many met the block.
     came: u64,
     met: u64,
@@ -72,6 +79,12 @@ pub(crate) struct Packet {
 struct PacketRays<'a> {
     ready: &'a PreparedRays,
     ray_states: &'a mut [RayState; CHUNK],
+    /// The rays as they were given, where they are exact.
+    #[cfg_attr(
+        target_family = "wasm",
+        allow(dead_code, reason = "exact rays have no packets there")
+    )]
+    given: Rays<'a>,
     /// The groups whose ray states were written, as bits.
     written: u32,
     /// The group's first lane.
@@ -146,6 +159,8 @@ impl Packet {
             groups: [Group::NONE; MOST_GROUPS],
             first: 0,
             stack: PacketStack { nodes: Vec::new(), places: Vec::new(), t: Vec::new() },
+            #[cfg(not(target_family = "wasm"))]
+            exact: ExactPacket::none(),
             came: 0,
             met: 0,
         }
@@ -187,7 +202,7 @@ impl Packet {
         self.met * ENOUGH_OF >= self.came * ENOUGH
     }
 
-    /// Traces the rays that were taken, in `G` groups.
+    /// Traces the rays that were taken, in `G` groups. They must not be exact.
     ///
     /// # Safety
     /// The processor must have the set, for whose width the layout was made; the rays must be those
@@ -200,7 +215,24 @@ impl Packet {
         options: &QueryOptions<'_>,
         query: Query,
     ) {
-        let mut rays = PacketRays { ready, ray_states, written: 0, first: 0 };
+        let given = Rays::Records(&[]);
+        let mut rays = PacketRays { ready, ray_states, given, written: 0, first: 0 };
+        // SAFETY: the caller's contract.
+        unsafe { self.walk::<S, G, false>(layout, &mut rays, options, query) }
+    }
+
+    /// Takes the rays through the tree: [`Packet::trace`], of exact rays or of others.
+    ///
+    /// # Safety
+    /// As for [`Packet::trace`].
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn walk<S: Simd, const G: usize, const EXACT: bool>(
+        &mut self,
+        layout: &TreeLayout,
+        rays: &mut PacketRays<'_>,
+        options: &QueryOptions<'_>,
+        query: Query,
+    ) {
         if self.came > LATELY {
             (self.came, self.met) = (self.came / 2, self.met / 2);
         }
@@ -230,7 +262,7 @@ impl Packet {
                     for (k, met) in active.iter_mut().enumerate() {
                         let (group, corner) = (self.first + k, parent.add(4 * place));
                         rays.first = group * S::N;
-                        *met = self.groups.get_unchecked(group).meets::<S>(&rays, octant, corner);
+                        *met = self.groups.get_unchecked(group).meets::<S>(rays, octant, corner);
                         some |= *met;
                     }
                     if some == 0 {
@@ -242,7 +274,7 @@ impl Packet {
                         break;
                     }
                     let block = PackedBlock::at_unchecked(words, leaf_number(child));
-                    if self.block::<S, G>(&block, &mut rays, active, options, query) {
+                    if self.block::<S, G, EXACT>(&block, rays, active, options, query) {
                         self.bounds.stop = self.last::<S, G>();
                         if self.bounds.stop == f32::NEG_INFINITY {
                             return;
@@ -327,7 +359,7 @@ impl Packet {
     /// # Safety
     /// As for [`Packet::trace`].
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn block<S: Simd, const G: usize>(
+    unsafe fn block<S: Simd, const G: usize, const EXACT: bool>(
         &mut self,
         block: &PackedBlock<'_>,
         rays: &mut PacketRays<'_>,
@@ -345,7 +377,13 @@ impl Packet {
         let fast = options.accuracy == Accuracy::Fast;
         if most > FEW && !fast && block.count() >= WORTH_CULLING {
             // SAFETY: the caller's contract.
-            triangles &= unsafe { self.cull::<S>(block) };
+            triangles &= unsafe {
+                match () {
+                    #[cfg(not(target_family = "wasm"))]
+                    () if EXACT => self.cull_exactly::<S>(block),
+                    () => self.cull::<S>(block),
+                }
+            };
         }
         let mut better = false;
         for (k, active) in active.into_iter().enumerate() {
@@ -353,6 +391,13 @@ impl Packet {
                 continue;
             }
             rays.first = (self.first + k) * S::N;
+            #[cfg(not(target_family = "wasm"))]
+            if EXACT {
+                let tested = (triangles, active);
+                // SAFETY: the caller's contract.
+                better |= unsafe { self.block_exactly::<S>(block, rays, tested, options, query) };
+                continue;
+            }
             // SAFETY: the caller's contract.
             better |= unsafe {
                 let group = self.groups.get_unchecked_mut(self.first + k);

@@ -5,6 +5,7 @@ use splitplane_core::ray::{Culling, Ray, Rays};
 use splitplane_core::triangle::Triangle;
 use splitplane_test_support::random::Random;
 
+use super::exact::TraceExactly;
 use super::*;
 use crate::CpuBackend;
 use crate::cancel::UNWATCHED;
@@ -105,7 +106,10 @@ impl Compiled for Compare {
             for round in 0..120 {
                 let rays = group(&triangles, round, &mut random);
                 packet.make_room(layout.wide.stack()).expect("memory");
-                let (accuracy, culling, ignore) = match round % 6 {
+                let (accuracy, culling, ignore) = match round % 12 {
+                    6 => (Accuracy::Exact, Culling::Back, None),
+                    7 => (Accuracy::Exact, Culling::Front, Some(5)),
+                    8..12 => (Accuracy::Exact, Culling::None, None),
                     0 => (Accuracy::Fast, Culling::None, None),
                     1 => (Accuracy::Watertight, Culling::Back, None),
                     2 => (Accuracy::Watertight, Culling::Front, Some(5)),
@@ -119,7 +123,9 @@ impl Compiled for Compare {
                     // Taking a packet writes over the places that have no ray of it.
                     let alive = (0..CHUNK).filter(|&lane| {
                         let within = ready.enter[lane] <= ready.exit[lane];
-                        ready.alive[lane] != 0 && ready.special[lane] == 0 && within
+                        let is_shifted = ready.shifted[lane] != 0 && accuracy == Accuracy::Exact;
+                        let usual = ready.special[lane] == 0 && !is_shifted;
+                        ready.alive[lane] != 0 && usual && within
                     });
                     let alive = alive.fold(0u32, |bits, lane| bits | 1 << lane);
                     // All rays in one packet, then each group by itself.
@@ -132,8 +138,22 @@ impl Compiled for Compare {
                             if alive == 0 || !packet.take::<S>(&mut ready, groups, alive, scene) {
                                 continue;
                             }
+                            if accuracy == Accuracy::Exact {
+                                S::call(TraceExactly {
+                                    packet: &mut packet,
+                                    layout: &layout,
+                                    ready: &ready,
+                                    ray_states: &mut ray_states,
+                                    given: Rays::Records(&rays),
+                                    groups: size / S::N,
+                                    bounds: [scene.bounds, layout.large.others],
+                                    options: &options,
+                                    query,
+                                });
+                            }
                             let ready = (&ready, &mut ray_states);
                             match size / S::N {
+                                _ if accuracy == Accuracy::Exact => {}
                                 1 => packet.trace::<S, 1>(&layout, ready, &options, query),
                                 2 => packet.trace::<S, 2>(&layout, ready, &options, query),
                                 _ => packet.trace::<S, 4>(&layout, ready, &options, query),

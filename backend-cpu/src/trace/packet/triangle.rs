@@ -179,7 +179,7 @@ impl Group {
 /// # Safety
 /// The processor must have the set; the triangle must be one of the block's.
 #[cfg_attr(not(unoptimised), inline(always))]
-unsafe fn corners<S: Simd>(
+pub(super) unsafe fn corners<S: Simd>(
     block: &PackedBlock<'_>,
     index: usize,
     [x, y, z]: [usize; 3],

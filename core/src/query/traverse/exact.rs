@@ -166,7 +166,13 @@ impl Best {
     /// The `t` beyond which nothing is of interest when the closest hit is asked for.
     #[inline]
     pub fn stop(&self) -> f64 {
-        self.met.as_ref().map_or(f64::INFINITY, |best| best.t_interval().1)
+        self.t_interval().1
+    }
+
+    /// An interval of `f64` that holds the distance of the best hit so far; infinity where there is none.
+    #[inline]
+    pub fn t_interval(&self) -> (f64, f64) {
+        self.met.as_ref().map_or((f64::INFINITY, f64::INFINITY), Meeting::t_interval)
     }
 
     /// The triangle of the best hit so far.
