@@ -4,6 +4,8 @@
 //! known here is known there, and by the same numbers.
 
 use splitplane_core::arithmetic::snap;
+use splitplane_core::ray::Ray;
+use splitplane_core::triangle::Triangle;
 
 use crate::simd::{Compiled, MOST_LANES, Simd};
 
@@ -43,6 +45,24 @@ impl Meetings {
         let row = [0.0; MOST_LANES];
         Meetings { origin: [row; 3], direction: [row; 3], corners: [[row; 3]; 3] }
     };
+
+    /// Sets a lane's ray and triangle.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) fn set(&mut self, lane: usize, ray: &Ray, corners: &Triangle) {
+        for axis in 0..3 {
+            self.origin[axis][lane] = ray.origin[axis];
+            self.direction[axis][lane] = ray.direction[axis];
+            for corner in 0..3 {
+                self.corners[corner][axis][lane] = corners[corner][axis];
+            }
+        }
+    }
+
+    /// The ray of a lane, without limits, and the triangle.
+    pub(crate) fn of(&self, lane: usize) -> (Ray, Triangle) {
+        let at = |rows: &[Row; 3]| [rows[0][lane], rows[1][lane], rows[2][lane]];
+        (Ray::new(at(&self.origin), at(&self.direction)), [0, 1, 2].map(|i| at(&self.corners[i])))
+    }
 }
 
 impl Numbers {

@@ -33,5 +33,6 @@ pub(crate) mod stream;
 mod supply;
 pub(crate) mod triangle_block;
 mod turns;
+mod unfinished;
 pub(crate) mod walk;
 pub(crate) mod watertight;

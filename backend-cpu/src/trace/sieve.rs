@@ -39,7 +39,7 @@
 //! test is for the numbers of one hit, or for nothing.
 
 use splitplane_core::aabb::Aabb;
-use splitplane_core::exact::ExactRay;
+use splitplane_core::exact::{ExactRay, meet};
 use splitplane_core::query::intersect::{EDGE_LEAST, STOP_SLACK};
 use splitplane_core::query::traverse::Query;
 use splitplane_core::query::traverse::exact::Best;
@@ -90,8 +90,7 @@ pub(crate) struct Reach {
 }
 
 impl Reach {
-    /// The reach of a prepared, ordinary ray.
-    #[cfg_attr(not(unoptimised), inline(always))]
+    /// The reach of a ray that may have been moved.
     pub(crate) fn new(ray: &RayState, bounds: &[Aabb; 2]) -> Reach {
         let (mut reach, mut moved) = ([0.0f32; 2], 0.0f32);
         for (axis, origin) in ray.axes().into_iter().zip(ray.origin) {
@@ -107,21 +106,30 @@ impl Reach {
         Reach { moved, late, within, ..Reach::of(reach.map(|reach| reach + moved), t_min, t_max) }
     }
 
-    /// The same from R, of large triangles and of others, and the inner limits.
-    #[cfg_attr(not(unoptimised), inline(always))]
-    pub(crate) fn of(reach: [f32; 2], t_min: f32, t_max: f32) -> Reach {
-        let error = |reach: f32| {
+    /// Errors of edge functions from R, of large triangles and of others.
+    pub(crate) fn errors(reach: [f32; 2]) -> [[f32; 2]; 2] {
+        reach.map(|reach| {
             let edge = EDGE_ERROR * reach;
             [edge, edge * (CORNER_ERROR * reach) + EDGE_LEAST]
-        };
+        })
+    }
+
+    /// The reach of a ray that was not moved, from its inner limits and the [`Reach::errors`] of one that reaches as far.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) fn with_errors(errors: [[f32; 2]; 2], t_min: f32, t_max: f32) -> Reach {
         Reach {
-            errors: reach.map(error),
+            errors,
             moved: 0.0,
             late: 0.0,
             t_min: t_min - t_min.abs() * STOP_SLACK,
             t_max: t_max + t_max.abs() * STOP_SLACK,
             within: [least_within(t_min), most_within(t_max)],
         }
+    }
+
+    /// The same from R, of large triangles and of others, and the inner limits.
+    pub(crate) fn of(reach: [f32; 2], t_min: f32, t_max: f32) -> Reach {
+        Reach::with_errors(Reach::errors(reach), t_min, t_max)
     }
 }
 
@@ -140,56 +148,71 @@ pub(crate) fn most_within(t_max: f32) -> f32 {
 /// A ray under way, as the exact test takes it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ExactLane {
-    ray: ExactRay,
+    /// As it was given.
+    ray: Ray,
     reach: Reach,
     /// The triangle of the best hit so far, if there is one.
     triangle: u32,
+    /// Whether it was decided; else it is certain.
+    is_decided: bool,
     /// Inner `t` between which that hit certainly is; infinite without one.
     between: [f32; 2],
-    /// Its corners, where it was not decided but certain.
+    /// Its corners, where it is certain.
     corners: Triangle,
-    /// The same hit, where it was decided.
+    /// The hit, where it was decided.
     best: Best,
+}
+
+/// A hit that is certain, and of which the numbers are not known.
+pub(crate) struct CertainHit<'a> {
+    pub ray: &'a Ray,
+    pub corners: &'a Triangle,
+    pub triangle: u32,
+}
+
+impl CertainHit<'_> {
+    /// The hit with its numbers.
+    pub(crate) fn hit(&self) -> Hit {
+        // It is met, and faces the ray as it must.
+        let met = ExactRay::new(self.ray).and_then(|ray| meet(&ray, self.corners, Culling::None));
+        debug_assert!(met.is_some(), "certain: {:?} {:?}", self.ray, self.corners);
+        met.map_or(Hit::MISS, |met| met.hit(self.triangle))
+    }
 }
 
 impl ExactLane {
     /// A lane that has no ray.
     pub(crate) fn idle() -> ExactLane {
-        let ray = ExactRay { origin: [0.0; 3], direction: [1.0, 0.0, 0.0], t_min: 1.0, t_max: 0.0 };
-        ExactLane::of(ray, Reach::of([0.0; 2], 0.0, 0.0))
+        let ray = Ray::new([0.0; 3], [1.0, 0.0, 0.0]).with_limits(1.0, 0.0);
+        ExactLane {
+            ray,
+            reach: Reach::of([0.0; 2], 0.0, 0.0),
+            triangle: Hit::MISS.triangle,
+            is_decided: false,
+            between: [f32::INFINITY; 2],
+            corners: [[0.0; 3]; 3],
+            best: Best::default(),
+        }
     }
 
-    /// A ray without a hit so far.
-    fn of(ray: ExactRay, reach: Reach) -> ExactLane {
-        let (triangle, between) = (Hit::MISS.triangle, [f32::INFINITY; 2]);
-        ExactLane { ray, reach, triangle, between, corners: [[0.0; 3]; 3], best: Best::default() }
-    }
-
-    /// A ray about to start, if it can hit anything. The first bounds hold all triangles, the second those that are not
-    /// [large](crate::layout::large).
+    /// A ray about to start. Only what is read before it is written.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(crate) fn new(ray: &Ray, ray_state: &RayState, bounds: &[Aabb; 2]) -> Option<ExactLane> {
-        Some(ExactLane::of(ExactRay::new(ray)?, Reach::new(ray_state, bounds)))
+    pub(crate) fn begin(&mut self, ray: Ray, reach: Reach) {
+        (self.ray, self.reach) = (ray, reach);
+        (self.triangle, self.is_decided) = (Hit::MISS.triangle, false);
+        self.between = [f32::INFINITY; 2];
     }
 
-    /// The answer: for any hit the triangle says it all.
+    /// The answer: for any hit the triangle says it all. A closest hit that is certain needs more work.
     #[inline]
-    pub(crate) fn hit(&self, query: Query) -> Hit {
-        if query == Query::Any {
-            return Hit { triangle: self.triangle, ..Hit::MISS };
+    pub(crate) fn hit(&self, query: Query) -> Result<Hit, CertainHit<'_>> {
+        if query == Query::Any || self.triangle == Hit::MISS.triangle {
+            return Ok(Hit { triangle: self.triangle, ..Hit::MISS });
         }
-        self.decided().hit()
-    }
-
-    /// The best hit, decided.
-    fn decided(&self) -> Best {
-        let mut best = self.best;
-        if self.triangle != Hit::MISS.triangle && best.triangle().is_none() {
-            // It is met, and faces the ray as it must.
-            best.test(&self.ray, &self.corners, self.triangle, Culling::None, Query::Closest);
-            debug_assert!(best.is_hit(), "{self:?}");
+        if self.is_decided {
+            return Ok(self.best.hit());
         }
-        best
+        Err(CertainHit { ray: &self.ray, corners: &self.corners, triangle: self.triangle })
     }
 
     /// Tests a block; `stop` is the inner `t` beyond which nothing can precede the best hit. True when
@@ -244,19 +267,12 @@ impl ExactLane {
             let corners = block.corners(index);
             if certain && high < self.between[0] {
                 (self.triangle, self.corners, self.between) = (triangle, corners, [low, high]);
-                self.best = Best::default();
+                self.is_decided = false;
+            } else if self.decide(&corners, triangle, options.culling, query) {
+                let of = (ray_state.exponent, ray_state.offset);
+                self.between = inner_interval(&self.best, of, self.reach.late);
             } else {
-                self.best = self.decided();
-                self.best.test(&self.ray, &corners, triangle, options.culling, query);
-                if self.best.triangle() != Some(triangle) {
-                    continue;
-                }
-                self.triangle = triangle;
-                self.between = inner_interval(
-                    &self.best,
-                    (ray_state.exponent, ray_state.offset),
-                    self.reach.late,
-                );
+                continue;
             }
             better = true;
             if query == Query::Any {
@@ -266,6 +282,32 @@ impl ExactLane {
             *stop = last + last.abs() * STOP_SLACK;
         }
         better
+    }
+
+    /// Decides a triangle by the exact test. True when it is the best hit then.
+    #[inline(never)]
+    fn decide(
+        &mut self,
+        corners: &Triangle,
+        triangle: u32,
+        culling: Culling,
+        query: Query,
+    ) -> bool {
+        let Some(ray) = ExactRay::new(&self.ray) else { return false };
+        if !self.is_decided {
+            self.best = Best::default();
+            if self.triangle != Hit::MISS.triangle {
+                // It is met, and faces the ray as it must.
+                self.best.test(&ray, &self.corners, self.triangle, Culling::None, query);
+            }
+            self.is_decided = true;
+        }
+        self.best.test(&ray, corners, triangle, culling, query);
+        let is_best = self.best.triangle() == Some(triangle);
+        if is_best {
+            self.triangle = triangle;
+        }
+        is_best
     }
 }
 

@@ -19,10 +19,11 @@ use super::packet::Packet;
 use super::prepare::{CHUNK, PreparedRays};
 use super::queues::{FLIGHT, Queues, Turn};
 use super::ray_state::RayState;
-use super::sieve::ExactLane;
+use super::sieve::{ExactLane, Reach};
 use super::step::TestContext;
 use super::supply::Supply;
 use super::turns::{AtBlocks, AtNodes, Blocks, Lane, Lanes};
+use super::unfinished::Unfinished;
 use crate::layout::wide_node::DONE;
 use crate::memory::{boxed, lengthen};
 use crate::simd::{Compiled, Simd};
@@ -150,8 +151,10 @@ pub(super) unsafe fn fly<S: Simd, L: Leaves>(
     let Flight { lanes, stacks, ready, ray_states, packet, .. } = flight;
     let exactly = options.accuracy == Accuracy::Exact;
     let bounds = [scene.bounds, layout.large.others];
-    let mut supply = Supply { batch, next: 0, left, ready, ray_states, packet };
-    let mut queues = Queues::IDLE;
+    let errors = [[0.0; 2]; 2];
+    let mut supply =
+        Supply { batch, next: 0, left, moved: u32::MAX, errors, ready, ray_states, packet };
+    let (mut queues, mut unfinished) = (Queues::IDLE, Unfinished::new());
     for (lane, stack) in lanes.iter_mut().zip(stacks.chunks_exact_mut(2 * room)) {
         lane.ray_state.index = RayState::NO_RAY;
         lane.stack = stack.as_mut_ptr();
@@ -163,19 +166,31 @@ pub(super) unsafe fn fly<S: Simd, L: Leaves>(
             // SAFETY: lanes are below FLIGHT.
             let lane = unsafe { lanes.lane(number) };
             if lane.ray_state.index != RayState::NO_RAY {
-                let hit = if exactly { lane.exact.hit(query) } else { lane.best.hit };
-                answers.set(lane.ray_state.index as usize, hit);
+                let index = lane.ray_state.index as usize;
+                if !exactly {
+                    answers.set(index, lane.best.hit);
+                } else {
+                    match lane.exact.hit(query) {
+                        Ok(hit) => answers.set(index, hit),
+                        // SAFETY: the caller's contract.
+                        Err(hit) => unsafe { unfinished.add::<S>(index, &hit, answers) },
+                    }
+                }
                 lane.ray_state.index = RayState::NO_RAY;
             }
             // SAFETY: the caller's contract.
-            let Some(ray_state) = (unsafe { supply.next::<S>(answers) }) else { continue };
+            let Some((ray_state, moved)) = (unsafe { supply.next::<S>(answers) }) else { continue };
             lane.ray_state = *ray_state;
             lane.best = BestHit::NONE;
             if exactly {
                 let ray = rays.ray(ray_state.index as usize);
-                let exact = ExactLane::new(&ray, ray_state, &bounds);
-                // Rays that can hit nothing are not handed out.
-                lane.exact = exact.unwrap_or(ExactLane::idle());
+                let RayState { t_min, t_max, .. } = *ray_state;
+                let reach = if moved {
+                    Reach::new(ray_state, &bounds)
+                } else {
+                    Reach::with_errors(supply.errors, t_min, t_max)
+                };
+                lane.exact.begin(ray, reach);
             }
             (lane.child, lane.top) = (0, lane.stack);
             // SAFETY: stacks have the space.
@@ -183,6 +198,8 @@ pub(super) unsafe fn fly<S: Simd, L: Leaves>(
             queues.put(number, 0);
         }
         if queues.is_empty() {
+            // SAFETY: the caller's contract.
+            unsafe { unfinished.finish::<S>(answers) };
             return;
         }
         // SAFETY: the caller's contract; as many lanes as queues have.

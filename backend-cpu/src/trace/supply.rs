@@ -9,6 +9,7 @@ use super::packet::Packet;
 use super::packet::exact::TraceExactly;
 use super::prepare::{CHUNK, PreparedRays, RECORD, numbers};
 use super::ray_state::{RayState, ScalarOutcome};
+use super::sieve::Reach;
 use super::{exact, reference};
 use crate::simd::{Simd, prefetch};
 
@@ -24,17 +25,24 @@ pub(super) struct Supply<'a> {
     pub ray_states: &'a mut [RayState; CHUNK],
     /// Rays of `ready` not yet handed out.
     pub left: u32,
+    /// Those that the core has prepared.
+    pub moved: u32,
+    /// Of the others, the errors of the sieve ([`Reach::errors`]) where the accuracy is `exact`.
+    pub errors: [[f32; 2]; 2],
     pub packet: &'a mut Packet,
 }
 
 impl Supply<'_> {
-    /// The next ray that needs a lane. Rays that miss the bounds, and those left to the scalar code,
+    /// The next ray that needs a lane, and whether the core has prepared it. Rays that miss the bounds, and those left to the scalar code,
     /// are answered on the way.
     ///
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(super) unsafe fn next<S: Simd>(&mut self, answers: &mut Answers<'_>) -> Option<&RayState> {
+    pub(super) unsafe fn next<S: Simd>(
+        &mut self,
+        answers: &mut Answers<'_>,
+    ) -> Option<(&RayState, bool)> {
         while self.left == 0 {
             let RayBatch { scene, rays, options, query, .. } = self.batch;
             if self.next >= rays.len() {
@@ -62,6 +70,10 @@ impl Supply<'_> {
             }
             let there = u32::MAX >> (CHUNK - count);
             self.left = alive & !special;
+            self.moved = 0;
+            if shifts != 0 {
+                self.errors = Reach::errors(self.reach());
+            }
             let mut missing = there & !alive & !special;
             while missing != 0 {
                 let lane = missing.trailing_zeros() as usize;
@@ -83,6 +95,7 @@ impl Supply<'_> {
                         self.ray_states[lane] =
                             RayState { index: (start + lane) as u32, ..ray_state };
                         self.left |= 1 << lane;
+                        self.moved |= 1 << lane;
                     }
                     ScalarOutcome::Answer(hit) => answers.set(start + lane, hit),
                 }
@@ -90,7 +103,40 @@ impl Supply<'_> {
         }
         let lane = self.left.trailing_zeros() as usize;
         self.left &= self.left - 1;
-        Some(&self.ray_states[lane])
+        Some((&self.ray_states[lane], self.moved >> lane & 1 != 0))
+    }
+
+    /// The greatest distance along an axis of an origin of the rays that are left to any triangle, and to any that is not large.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn reach(&self) -> [f32; 2] {
+        let RayBatch { layout, scene, .. } = self.batch;
+        let mut farthest = [0.0f32; 2];
+        for axis in 0..3 {
+            let row = &self.ready.origin[axis];
+            let inside = scene.bounds.lo[axis];
+            let (mut least, mut most) = ([inside; CHUNK], [inside; CHUNK]);
+            for i in 0..CHUNK {
+                // Of those that are not left anything may be there.
+                let x = if self.left >> i & 1 != 0 { row[i] } else { inside };
+                (least[i], most[i]) = (x, x);
+            }
+            let mut half = CHUNK / 2;
+            while half > 0 {
+                for i in 0..half {
+                    let (a, b) = (least[i], least[i + half]);
+                    least[i] = if a < b { a } else { b };
+                    let (a, b) = (most[i], most[i + half]);
+                    most[i] = if a > b { a } else { b };
+                }
+                half /= 2;
+            }
+            for (farthest, bounds) in farthest.iter_mut().zip([&scene.bounds, &layout.large.others])
+            {
+                let reach = (bounds.hi[axis] - least[0]).max(most[0] - bounds.lo[axis]);
+                *farthest = farthest.max(reach);
+            }
+        }
+        farthest
     }
 
     /// Answers the prepared rays that go the same way: all together, or as many as a vector has

@@ -1,6 +1,5 @@
 use splitplane_core::exact::{ExactRay, meet};
-use splitplane_core::ray::{Culling, Hit, Ray};
-use splitplane_core::triangle::Triangle;
+use splitplane_core::ray::{Culling, Hit};
 use splitplane_test_support::random::Random;
 
 use super::*;
@@ -53,13 +52,7 @@ fn numbers_are_those_of_the_exact_test() {
             let pairs = pairs(&mut random);
             let mut meetings = Meetings::NONE;
             for (lane, (ray, triangle)) in pairs.iter().enumerate() {
-                for axis in 0..3 {
-                    meetings.origin[axis][lane] = ray.origin[axis];
-                    meetings.direction[axis][lane] = ray.direction[axis];
-                    for corner in 0..3 {
-                        meetings.corners[corner][axis][lane] = triangle[corner][axis];
-                    }
-                }
+                meetings.set(lane, ray, triangle);
             }
             // SAFETY: the processor has it.
             let numbers = unsafe { set.run(meetings) };

@@ -134,21 +134,20 @@ fn try_out(set: InstructionSet, share: Share) -> Counts {
             let (Readiness::Ready, ray_state) = prepared(set, &ray, &scene, Query::Closest) else {
                 continue;
             };
-            let Some(mut lane) = ExactLane::new(&ray, &ray_state, &[bounds; 2]) else {
-                continue;
-            };
-            if ray_state.ray().origin != lane.ray.origin {
+            let Some(exact) = ExactRay::new(&ray) else { continue };
+            let mut reach = Reach::new(&ray_state, &[bounds; 2]);
+            if ray_state.ray().origin != exact.origin {
                 continue;
             }
-            lane.reach.errors.as_flattened_mut().iter_mut().for_each(|error| *error *= share.edges);
+            reach.errors.as_flattened_mut().iter_mut().for_each(|error| *error *= share.edges);
             // Of one triangle the distance is not known beforehand; what is added to it is.
             if share.own == 0.0 {
-                lane.reach.moved -= 2e-10 * scale as f32;
+                reach.moved -= 2e-10 * scale as f32;
                 let farthest = triangles
                     .as_flattened()
                     .iter()
                     .flat_map(|corner| (0..3).map(|k| (corner[k] - ray.origin[k]).abs()));
-                lane.reach.moved -= farthest.fold(0.0, f32::max);
+                reach.moved -= farthest.fold(0.0, f32::max);
             }
             let culling = match random.below(16) {
                 0 => Culling::Back,
@@ -157,25 +156,23 @@ fn try_out(set: InstructionSet, share: Share) -> Counts {
             };
             let found: Vec<_> = triangles[..count]
                 .iter()
-                .map(|corners| {
-                    meet(&lane.ray, corners, culling).filter(|met| met.is_within_limits())
-                })
+                .map(|corners| meet(&exact, corners, culling).filter(|met| met.is_within_limits()))
                 .collect();
             let nearest = found.iter().flatten().min_by(|a, b| a.compare_t(b));
             let mut best = Best::default();
             for (corners, i) in triangles[..count].iter().zip(0..) {
-                best.test(&lane.ray, corners, i, culling, Query::Closest);
+                best.test(&exact, corners, i, culling, Query::Closest);
             }
             let of = (ray_state.exponent, ray_state.offset);
-            let stop = inner_interval(&best, of, lane.reach.late)[1];
-            for limit in [lane.reach.t_max, lane.reach.t_max.min(stop)] {
+            let stop = inner_interval(&best, of, reach.late)[1];
+            for limit in [reach.t_max, reach.t_max.min(stop)] {
                 let (mut bits, mut certain) = (0, 0);
                 let (mut low, mut high) = ([0.0; 16], [0.0; 16]);
                 for first in (0..count).step_by(set.lanes()) {
                     let count = (count - first).min(set.lanes());
                     let block =
                         GatheredBlock { words: &words[first..], stride: 16, count, large: false };
-                    let (ray_state, reach, block) = (&ray_state, &lane.reach, &block);
+                    let (ray_state, reach, block) = (&ray_state, &reach, &block);
                     let sift = Sift { ray_state, reach, block, limit, culling };
                     // SAFETY: the caller names sets that the processor has; more words follow.
                     let Some(some) = (unsafe { set.run(sift) }) else { continue };
@@ -188,7 +185,7 @@ fn try_out(set: InstructionSet, share: Share) -> Counts {
                 }
                 for (i, found) in found.iter().enumerate() {
                     let wanted = found.as_ref().is_some_and(|met| {
-                        limit == lane.reach.t_max
+                        limit == reach.t_max
                             || nearest.is_some_and(|best| met.compare_t(best).is_le())
                     });
                     let [is_kept, is_certain] = [bits, certain].map(|bits| bits >> i & 1 != 0);
