@@ -16,6 +16,9 @@ use crate::simd::{Simd, prefetch};
 /// Whether exact rays are traced in packets. A page would load what that takes.
 const EXACT_PACKETS: bool = !cfg!(target_family = "wasm");
 
+/// Numbers that are compared side by side.
+const LANES: usize = 8;
+
 /// Where lanes get their rays: prepared 32 at a time.
 pub(super) struct Supply<'a> {
     pub batch: RayBatch<'a>,
@@ -71,9 +74,6 @@ impl Supply<'_> {
             let there = u32::MAX >> (CHUNK - count);
             self.left = alive & !special;
             self.moved = 0;
-            if shifts != 0 {
-                self.errors = Reach::errors(self.reach());
-            }
             let mut missing = there & !alive & !special;
             while missing != 0 {
                 let lane = missing.trailing_zeros() as usize;
@@ -83,6 +83,9 @@ impl Supply<'_> {
             // SAFETY: the caller's contract.
             unsafe { self.packets::<S>(start, rest, answers) };
             if self.left != 0 {
+                if shifts != 0 {
+                    self.errors = Reach::errors(self.reach());
+                }
                 // SAFETY: the caller's contract.
                 unsafe { self.ready.ray_states::<S>(self.ray_states) };
             }
@@ -110,30 +113,33 @@ impl Supply<'_> {
     #[cfg_attr(not(unoptimised), inline(always))]
     fn reach(&self) -> [f32; 2] {
         let RayBatch { layout, scene, .. } = self.batch;
+        let mut left = [0u32; CHUNK];
+        for (i, left) in left.iter_mut().enumerate() {
+            *left = 0u32.wrapping_sub(self.left >> i & 1);
+        }
         let mut farthest = [0.0f32; 2];
         for axis in 0..3 {
             let row = &self.ready.origin[axis];
             let inside = scene.bounds.lo[axis];
-            let (mut least, mut most) = ([inside; CHUNK], [inside; CHUNK]);
-            for i in 0..CHUNK {
-                // Of those that are not left anything may be there.
-                let x = if self.left >> i & 1 != 0 { row[i] } else { inside };
-                (least[i], most[i]) = (x, x);
-            }
-            let mut half = CHUNK / 2;
-            while half > 0 {
-                for i in 0..half {
-                    let (a, b) = (least[i], least[i + half]);
-                    least[i] = if a < b { a } else { b };
-                    let (a, b) = (most[i], most[i + half]);
-                    most[i] = if a > b { a } else { b };
+            let (mut least, mut most) = ([inside; LANES], [inside; LANES]);
+            for first in (0..CHUNK).step_by(LANES) {
+                for i in 0..LANES {
+                    // Of those that are not left anything may be there.
+                    let bits = inside.to_bits();
+                    let there = left[first + i];
+                    let x = f32::from_bits(bits ^ ((bits ^ row[first + i].to_bits()) & there));
+                    least[i] = if x < least[i] { x } else { least[i] };
+                    most[i] = if x > most[i] { x } else { most[i] };
                 }
-                half /= 2;
+            }
+            let (mut low, mut high) = (inside, inside);
+            for i in 0..LANES {
+                low = if least[i] < low { least[i] } else { low };
+                high = if most[i] > high { most[i] } else { high };
             }
             for (farthest, bounds) in farthest.iter_mut().zip([&scene.bounds, &layout.large.others])
             {
-                let reach = (bounds.hi[axis] - least[0]).max(most[0] - bounds.lo[axis]);
-                *farthest = farthest.max(reach);
+                *farthest = farthest.max(bounds.hi[axis] - low).max(high - bounds.lo[axis]);
             }
         }
         farthest
