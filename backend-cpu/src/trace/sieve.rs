@@ -43,7 +43,7 @@ use splitplane_core::exact::{ExactRay, meet};
 use splitplane_core::query::intersect::{EDGE_LEAST, STOP_SLACK};
 use splitplane_core::query::traverse::Query;
 use splitplane_core::query::traverse::exact::Best;
-use splitplane_core::ray::{Culling, Hit, QueryOptions, Ray};
+use splitplane_core::ray::{Culling, Hit, QueryOptions, Ray, Rays};
 use splitplane_core::triangle::Triangle;
 
 use super::ray_state::RayState;
@@ -102,7 +102,13 @@ impl Reach {
         let moved = if ray.offset == 0.0 { SHIFTED } else { moved.max(SHIFTED) };
         let late = 8.0 * ROUNDING * moved + ray.offset.abs() * OFFSET_ERROR;
         let [t_min, t_max] = [ray.t_min - late, ray.t_max + late];
-        let within = [least_within(ray.t_min + late), most_within(ray.t_max - late)];
+        // The core has widened the limits of moved rays, by more than a rounding: of these nothing is certain.
+        let is_moved = ray.offset != 0.0;
+        let within = if is_moved {
+            [f32::INFINITY, f32::NEG_INFINITY]
+        } else {
+            [least_within(ray.t_min), most_within(ray.t_max)]
+        };
         Reach { moved, late, within, ..Reach::of(reach.map(|reach| reach + moved), t_min, t_max) }
     }
 
@@ -148,8 +154,6 @@ pub(crate) fn most_within(t_max: f32) -> f32 {
 /// A ray under way, as the exact test takes it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ExactLane {
-    /// As it was given.
-    ray: Ray,
     reach: Reach,
     /// The triangle of the best hit so far, if there is one.
     triangle: u32,
@@ -164,18 +168,18 @@ pub(crate) struct ExactLane {
 }
 
 /// A hit that is certain, and of which the numbers are not known.
+#[derive(Clone, Copy)]
 pub(crate) struct CertainHit<'a> {
-    pub ray: &'a Ray,
     pub corners: &'a Triangle,
     pub triangle: u32,
 }
 
 impl CertainHit<'_> {
-    /// The hit with its numbers.
-    pub(crate) fn hit(&self) -> Hit {
+    /// The hit of a ray with its numbers.
+    pub(crate) fn hit(&self, ray: &Ray) -> Hit {
         // It is met, and faces the ray as it must.
-        let met = ExactRay::new(self.ray).and_then(|ray| meet(&ray, self.corners, Culling::None));
-        debug_assert!(met.is_some(), "certain: {:?} {:?}", self.ray, self.corners);
+        let met = ExactRay::new(ray).and_then(|ray| meet(&ray, self.corners, Culling::None));
+        debug_assert!(met.is_some(), "certain: {ray:?} {:?}", self.corners);
         met.map_or(Hit::MISS, |met| met.hit(self.triangle))
     }
 }
@@ -183,9 +187,7 @@ impl CertainHit<'_> {
 impl ExactLane {
     /// A lane that has no ray.
     pub(crate) fn idle() -> ExactLane {
-        let ray = Ray::new([0.0; 3], [1.0, 0.0, 0.0]).with_limits(1.0, 0.0);
         ExactLane {
-            ray,
             reach: Reach::of([0.0; 2], 0.0, 0.0),
             triangle: Hit::MISS.triangle,
             is_decided: false,
@@ -197,8 +199,8 @@ impl ExactLane {
 
     /// A ray about to start. Only what is read before it is written.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(crate) fn begin(&mut self, ray: Ray, reach: Reach) {
-        (self.ray, self.reach) = (ray, reach);
+    pub(crate) fn begin(&mut self, reach: Reach) {
+        self.reach = reach;
         (self.triangle, self.is_decided) = (Hit::MISS.triangle, false);
         self.between = [f32::INFINITY; 2];
     }
@@ -212,10 +214,10 @@ impl ExactLane {
         if self.is_decided {
             return Ok(self.best.hit());
         }
-        Err(CertainHit { ray: &self.ray, corners: &self.corners, triangle: self.triangle })
+        Err(CertainHit { corners: &self.corners, triangle: self.triangle })
     }
 
-    /// Tests a block; `stop` is the inner `t` beyond which nothing can precede the best hit. True when
+    /// Tests a block for a ray of a batch; `stop` is the inner `t` beyond which nothing can precede the best hit. True when
     /// the best hit changed.
     ///
     /// # Safety
@@ -223,7 +225,7 @@ impl ExactLane {
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) unsafe fn test<S: Simd, T: TriangleBlock>(
         &mut self,
-        ray_state: &RayState,
+        (rays, ray_state): (&Rays<'_>, &RayState),
         block: &T,
         options: &QueryOptions<'_>,
         query: Query,
@@ -232,7 +234,7 @@ impl ExactLane {
         let limit = self.reach.t_max.min(*stop);
         // SAFETY: the caller's contract.
         match unsafe { sift::<S, T>(ray_state, &self.reach, block, limit, options.culling) } {
-            Some(sifted) => self.take(block, &sifted, ray_state, options, query, stop),
+            Some(sifted) => self.take(block, &sifted, (rays, ray_state), options, query, stop),
             None => false,
         }
     }
@@ -243,7 +245,7 @@ impl ExactLane {
         &mut self,
         block: &T,
         sifted: &Sifted,
-        ray_state: &RayState,
+        (rays, ray_state): (&Rays<'_>, &RayState),
         options: &QueryOptions<'_>,
         query: Query,
         stop: &mut f32,
@@ -268,7 +270,9 @@ impl ExactLane {
             if certain && high < self.between[0] {
                 (self.triangle, self.corners, self.between) = (triangle, corners, [low, high]);
                 self.is_decided = false;
-            } else if self.decide(&corners, triangle, options.culling, query) {
+            } else if let ray = &rays.ray(ray_state.index as usize)
+                && self.decide(ray, (&corners, triangle), options.culling, query)
+            {
                 let of = (ray_state.exponent, ray_state.offset);
                 self.between = inner_interval(&self.best, of, self.reach.late);
             } else {
@@ -288,12 +292,12 @@ impl ExactLane {
     #[inline(never)]
     fn decide(
         &mut self,
-        corners: &Triangle,
-        triangle: u32,
+        ray: &Ray,
+        (corners, triangle): (&Triangle, u32),
         culling: Culling,
         query: Query,
     ) -> bool {
-        let Some(ray) = ExactRay::new(&self.ray) else { return false };
+        let Some(ray) = ExactRay::new(ray) else { return false };
         if !self.is_decided {
             self.best = Best::default();
             if self.triangle != Hit::MISS.triangle {

@@ -2,7 +2,7 @@
 //! that is not a node.
 
 use splitplane_core::query::traverse::Query;
-use splitplane_core::ray::QueryOptions;
+use splitplane_core::ray::{QueryOptions, Rays};
 
 use super::block_test::BestHit;
 use super::keep::{Keep, KeepAll};
@@ -284,13 +284,13 @@ pub(crate) struct TestContext<'a, L, K = KeepAll> {
 }
 
 /// The state that tests of a ray's triangles read and write: the state of the ray, which must not
-/// be wide, its best hit, space for blocks, and its lane where tests are exact.
+/// be wide, its best hit, space for blocks, and its lane and batch where tests are exact.
 pub(crate) struct RayTest<'a, L: Leaves, K = KeepAll> {
     pub test: &'a TestContext<'a, L, K>,
     pub room: &'a mut L::Room,
     pub ray_state: &'a mut RayState,
     pub best: &'a mut BestHit,
-    pub exact: Option<&'a mut ExactLane>,
+    pub exact: Option<(&'a mut ExactLane, &'a Rays<'a>)>,
 }
 
 /// The test of the triangles of a child that is not a node and that a node names. True when the
@@ -312,8 +312,9 @@ impl<L: Leaves, K: Keep> Compiled for TestLeaf<'_, '_, L, K> {
                 let (block, next) = leaves.block::<S>(leaf_number(child), from, room);
                 from = next;
                 match exact {
-                    Some(exact) => {
-                        exact.test::<S, _>(ray_state, &block, options, query, &mut best.stop)
+                    Some((exact, rays)) => {
+                        let ray = (*rays, &**ray_state);
+                        exact.test::<S, _>(ray, &block, options, query, &mut best.stop)
                     }
                     None => leaf::test::<S, _, _>(ray_state, &block, (options, query, keep), best),
                 }

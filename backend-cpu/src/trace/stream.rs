@@ -160,7 +160,7 @@ pub(super) unsafe fn fly<S: Simd, L: Leaves>(
         lane.stack = stack.as_mut_ptr();
     }
     let lanes = Lanes { lanes: lanes[..FLIGHT].as_mut_ptr(), room, lines: lines.as_ptr(), leaves };
-    let blocks = &mut Blocks { lanes, test, room: L::room(), exactly };
+    let blocks = &mut Blocks { lanes, test, room: L::room(), exactly: exactly.then_some(rays) };
     loop {
         for number in queues.take(Turn::Refill) {
             // SAFETY: lanes are below FLIGHT.
@@ -173,7 +173,9 @@ pub(super) unsafe fn fly<S: Simd, L: Leaves>(
                     match lane.exact.hit(query) {
                         Ok(hit) => answers.set(index, hit),
                         // SAFETY: the caller's contract.
-                        Err(hit) => unsafe { unfinished.add::<S>(index, &hit, answers) },
+                        Err(hit) => unsafe {
+                            unfinished.add::<S>(&rays, index, hit, answers);
+                        },
                     }
                 }
                 lane.ray_state.index = RayState::NO_RAY;
@@ -183,14 +185,13 @@ pub(super) unsafe fn fly<S: Simd, L: Leaves>(
             lane.ray_state = *ray_state;
             lane.best = BestHit::NONE;
             if exactly {
-                let ray = rays.ray(ray_state.index as usize);
                 let RayState { t_min, t_max, .. } = *ray_state;
                 let reach = if moved {
                     Reach::new(ray_state, &bounds)
                 } else {
                     Reach::with_errors(supply.errors, t_min, t_max)
                 };
-                lane.exact.begin(ray, reach);
+                lane.exact.begin(reach);
             }
             (lane.child, lane.top) = (0, lane.stack);
             // SAFETY: stacks have the space.

@@ -5,6 +5,7 @@ use splitplane_core::ray::{Accuracy, Hit, Ray, Rays};
 use super::batch::{Answers, RayBatch};
 use super::leaves::IndexedLeaves;
 use super::packet::Packet;
+use super::packet::bounds::ranges;
 #[cfg(not(target_family = "wasm"))]
 use super::packet::exact::TraceExactly;
 use super::prepare::{CHUNK, PreparedRays, RECORD, numbers};
@@ -15,9 +16,6 @@ use crate::simd::{Simd, prefetch};
 
 /// Whether exact rays are traced in packets. A page would load what that takes.
 const EXACT_PACKETS: bool = !cfg!(target_family = "wasm");
-
-/// Numbers that are compared side by side.
-const LANES: usize = 8;
 
 /// Where lanes get their rays: prepared 32 at a time.
 pub(super) struct Supply<'a> {
@@ -84,7 +82,8 @@ impl Supply<'_> {
             unsafe { self.packets::<S>(start, rest, answers) };
             if self.left != 0 {
                 if shifts != 0 {
-                    self.errors = Reach::errors(self.reach());
+                    // SAFETY: the caller's contract.
+                    self.errors = Reach::errors(unsafe { self.reach::<S>() });
                 }
                 // SAFETY: the caller's contract.
                 unsafe { self.ready.ray_states::<S>(self.ray_states) };
@@ -110,36 +109,37 @@ impl Supply<'_> {
     }
 
     /// The greatest distance along an axis of an origin of the rays that are left to any triangle, and to any that is not large.
+    ///
+    /// # Safety
+    /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    fn reach(&self) -> [f32; 2] {
+    unsafe fn reach<S: Simd>(&self) -> [f32; 2] {
         let RayBatch { layout, scene, .. } = self.batch;
-        let mut left = [0u32; CHUNK];
-        for (i, left) in left.iter_mut().enumerate() {
-            *left = 0u32.wrapping_sub(self.left >> i & 1);
-        }
-        let mut farthest = [0.0f32; 2];
-        for axis in 0..3 {
-            let row = &self.ready.origin[axis];
-            let inside = scene.bounds.lo[axis];
-            let (mut least, mut most) = ([inside; LANES], [inside; LANES]);
-            for first in (0..CHUNK).step_by(LANES) {
-                for i in 0..LANES {
+        // SAFETY: the caller's contract; rows have the lanes.
+        let [least, most] = unsafe {
+            let mut least = [S::splat(0.0); 3];
+            for (axis, least) in least.iter_mut().enumerate() {
+                *least = S::splat(scene.bounds.lo[axis]);
+            }
+            let mut most = least;
+            for first in (0..CHUNK).step_by(S::N) {
+                let left = S::mask(self.left >> first & (u32::MAX >> (32 - S::N)));
+                for axis in 0..3 {
+                    let row = S::load(self.ready.origin[axis].as_ptr().add(first));
                     // Of those that are not left anything may be there.
-                    let bits = inside.to_bits();
-                    let there = left[first + i];
-                    let x = f32::from_bits(bits ^ ((bits ^ row[first + i].to_bits()) & there));
-                    least[i] = if x < least[i] { x } else { least[i] };
-                    most[i] = if x > most[i] { x } else { most[i] };
+                    let origin = S::select(left, row, S::splat(scene.bounds.lo[axis]));
+                    (least[axis], most[axis]) =
+                        (S::min(least[axis], origin), S::max(most[axis], origin));
                 }
             }
-            let (mut low, mut high) = (inside, inside);
-            for i in 0..LANES {
-                low = if least[i] < low { least[i] } else { low };
-                high = if most[i] > high { most[i] } else { high };
-            }
+            ranges::<S, 3>(least, most)
+        };
+        let mut farthest = [0.0f32; 2];
+        for axis in 0..3 {
             for (farthest, bounds) in farthest.iter_mut().zip([&scene.bounds, &layout.large.others])
             {
-                *farthest = farthest.max(bounds.hi[axis] - low).max(high - bounds.lo[axis]);
+                let reach = (bounds.hi[axis] - least.0[axis]).max(most.0[axis] - bounds.lo[axis]);
+                *farthest = farthest.max(reach);
             }
         }
         farthest

@@ -7,7 +7,7 @@
 use core::hint::assert_unchecked;
 
 use splitplane_core::query::traverse::Query;
-use splitplane_core::ray::Accuracy;
+use splitplane_core::ray::{Accuracy, Rays};
 
 use super::block_test::BestHit;
 use super::leaves::Leaves;
@@ -99,8 +99,8 @@ pub(super) struct Blocks<'a, L: Leaves> {
     pub lanes: Lanes<L>,
     pub test: TestContext<'a, L>,
     pub room: L::Room,
-    /// Whether the accuracy is `exact`.
-    pub exactly: bool,
+    /// The batch, where the accuracy is `exact`.
+    pub exactly: Option<Rays<'a>>,
 }
 
 /// A test of all rays that are at blocks, of accuracy `watertight` or of any other: tests of the one have no branches and keep nothing
@@ -117,14 +117,15 @@ impl<L: Leaves, const WATERTIGHT: bool> Compiled for AtBlocks<'_, '_, L, WATERTI
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> Queues {
         let AtBlocks(Blocks { lanes, test, room, exactly }, mut queues) = self;
-        let (lanes, test, exactly) = (*lanes, &*test, *exactly);
+        let (lanes, test, exactly) = (*lanes, &*test, &*exactly);
         for number in queues.take(Turn::Block) {
             // SAFETY: the caller's contract; lanes are below FLIGHT; children name nodes or leaves; wide rays get no lane; stacks
             // have the space; entries that were written; the accuracy is what it says.
             unsafe {
                 let Lane { ray_state, best, child, exact, top, stack } = lanes.lane(number);
                 assert_unchecked((test.options.accuracy == Accuracy::Watertight) == WATERTIGHT);
-                let (room, exact) = (&mut *room, (exactly && !WATERTIGHT).then_some(exact));
+                let exactly = if WATERTIGHT { None } else { exactly.as_ref() };
+                let (room, exact) = (&mut *room, exactly.map(|rays| (exact, rays)));
                 let tested = &mut RayTest { test, room, ray_state, best, exact };
                 if TestLeaf(*child, tested).run::<S>() {
                     if test.query == Query::Any {

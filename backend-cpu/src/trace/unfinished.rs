@@ -1,5 +1,7 @@
 //! Exact closest hits of a batch that are certain, until there are enough of them for their numbers to be found in vectors.
 
+use splitplane_core::ray::Rays;
+
 use super::batch::Answers;
 #[cfg(not(target_family = "wasm"))]
 use super::exact_hits::Meetings;
@@ -37,11 +39,12 @@ impl Unfinished {
     /// None is needed.
     pub(super) unsafe fn add<S: Simd>(
         &mut self,
+        rays: &Rays<'_>,
         index: usize,
-        hit: &CertainHit<'_>,
+        hit: CertainHit<'_>,
         answers: &mut Answers<'_>,
     ) {
-        answers.set(index, hit.hit());
+        answers.set(index, hit.hit(&rays.ray(index)));
     }
 
     /// Answers those that are left: none.
@@ -66,13 +69,14 @@ impl Unfinished {
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) unsafe fn add<S: Simd>(
         &mut self,
+        rays: &Rays<'_>,
         index: usize,
-        hit: &CertainHit<'_>,
+        hit: CertainHit<'_>,
         answers: &mut Answers<'_>,
     ) {
         let Kept { count, meetings, indices, triangles } = &mut self.of;
         let lane = *count % MOST_LANES;
-        meetings.set(lane, hit.ray, hit.corners);
+        meetings.set(lane, &rays.ray(index), hit.corners);
         (indices[lane], triangles[lane]) = (index, hit.triangle);
         *count += 1;
         if *count == MOST_LANES {
@@ -101,7 +105,7 @@ impl Unfinished {
                 Hit { t: numbers.t[lane], triangle, u: numbers.u[lane], v: numbers.v[lane] }
             } else {
                 let (ray, corners) = meetings.of(lane);
-                CertainHit { ray: &ray, corners: &corners, triangle }.hit()
+                CertainHit { corners: &corners, triangle }.hit(&ray)
             };
             answers.set(indices[lane], hit);
         }

@@ -34,7 +34,7 @@ static ODD: [u8; MOST_LANES] = [1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 2
 /// # Safety
 /// As for [`super::row::load`].
 #[cfg_attr(not(unoptimised), inline(always))]
-pub(super) unsafe fn ranges<S: Simd, const R: usize>(
+pub(crate) unsafe fn ranges<S: Simd, const R: usize>(
     lo: [S::Floats; R],
     hi: [S::Floats; R],
 ) -> [GroupRow; 2] {

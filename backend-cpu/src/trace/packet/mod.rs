@@ -10,11 +10,11 @@
 //!
 //! Rays of a packet have one octant and one largest axis, and lie side by side.
 
-mod bounds;
+pub(crate) mod bounds;
 #[cfg(not(target_family = "wasm"))]
 pub(crate) mod exact;
 mod group;
-mod row;
+pub(crate) mod row;
 mod take;
 #[cfg(test)]
 mod tests;

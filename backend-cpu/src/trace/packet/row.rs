@@ -5,7 +5,7 @@ use crate::simd::{MOST_LANES, Simd};
 /// A number of each ray.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
-pub(super) struct GroupRow(pub(super) [f32; MOST_LANES]);
+pub(crate) struct GroupRow(pub(crate) [f32; MOST_LANES]);
 
 pub(super) const ZERO: GroupRow = GroupRow([0.0; MOST_LANES]);
 
