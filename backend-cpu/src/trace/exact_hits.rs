@@ -93,17 +93,21 @@ fn weight(edge: f64, sum: f64) -> f32 {
     if x > 1.0 { 1.0 } else { x }
 }
 
-impl Compiled for Meetings {
+/// The first so many lanes, each of which has a pair.
+pub(crate) struct FirstLanes<'a, const N: usize>(pub &'a Meetings);
+
+impl<const N: usize> Compiled for FirstLanes<'_, N> {
     type Output = Numbers;
 
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> Numbers {
         let mut numbers = Numbers::NONE;
         let mut known = [0u32; MOST_LANES];
-        let ([ox, oy, oz], [dx, dy, dz]) = (&self.origin, &self.direction);
-        let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = &self.corners;
+        let Meetings { origin, direction, corners } = self.0;
+        let ([ox, oy, oz], [dx, dy, dz]) = (origin, direction);
+        let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = corners;
         // Without branches: compilers turn it into vectors.
-        for i in 0..MOST_LANES {
+        for i in 0..N {
             let (dx, dy, dz) = (snap(dx[i]), snap(dy[i]), snap(dz[i]));
             let (dx, dy, dz) = (f64::from(dx), f64::from(dy), f64::from(dz));
             let (ox, oy, oz) = (snap(ox[i]), snap(oy[i]), snap(oz[i]));

@@ -159,6 +159,8 @@ impl Supply<'_> {
     ) {
         let RayBatch { layout, scene, options, query, .. } = self.batch;
         let exactly = options.accuracy == Accuracy::Exact;
+        #[cfg(target_family = "wasm")]
+        let _ = given;
         // Packets test blocks in their stored form.
         if (exactly && !EXACT_PACKETS) || IndexedLeaves::of(layout).is_some() {
             return;

@@ -4,7 +4,7 @@ use splitplane_core::ray::Rays;
 
 use super::batch::Answers;
 #[cfg(not(target_family = "wasm"))]
-use super::exact_hits::Meetings;
+use super::exact_hits::{FirstLanes, Meetings};
 use super::sieve::CertainHit;
 #[cfg(not(target_family = "wasm"))]
 use crate::simd::MOST_LANES;
@@ -98,7 +98,7 @@ impl Unfinished {
             return;
         }
         // SAFETY: the caller's contract.
-        let numbers = unsafe { S::call(*meetings) };
+        let numbers = unsafe { S::call(FirstLanes::<MOST_LANES>(meetings)) };
         for lane in 0..count {
             let triangle = triangles[lane];
             let hit = if numbers.known >> lane & 1 != 0 {

@@ -14,11 +14,11 @@ use splitplane_core::triangle::Triangle;
 use super::group::Group;
 use super::row::{GroupRow, ZERO, load, put, store};
 use super::triangle::corners;
-use super::{FEW, MOST_GROUPS, Packet, PacketRays};
+use super::{FEW, FEWEST_LANES, MOST_GROUPS, Packet, PacketRays};
 use crate::layout::packed_block::PackedBlock;
 use crate::layout::tree_layout::TreeLayout;
 use crate::simd::{Compiled, MOST_LANES, Simd};
-use crate::trace::exact_hits::{Meetings, Numbers};
+use crate::trace::exact_hits::{FirstLanes, Meetings, Numbers};
 use crate::trace::prepare::{CHUNK, PreparedRays};
 use crate::trace::ray_state::RayState;
 use crate::trace::sieve::{
@@ -584,7 +584,13 @@ impl Group {
             Numbers::NONE
         } else {
             // SAFETY: the caller's contract.
-            unsafe { S::call(meetings) }
+            unsafe {
+                if S::N == FEWEST_LANES {
+                    S::call(FirstLanes::<FEWEST_LANES>(&meetings))
+                } else {
+                    S::call(FirstLanes::<MOST_LANES>(&meetings))
+                }
+            }
         };
         (self.t.0, self.v.0, self.w.0) = (t, u, v);
         // SAFETY: the caller's contract.
