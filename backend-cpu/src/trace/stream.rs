@@ -21,7 +21,7 @@ use super::queues::{FLIGHT, Queues, Turn};
 use super::ray_state::RayState;
 use super::sieve::{ExactLane, Reach};
 use super::step::TestContext;
-use super::supply::Supply;
+use super::supply::{SHARED_REACH, Supply};
 use super::turns::{AtBlocks, AtNodes, Blocks, Lane, Lanes};
 use super::unfinished::Unfinished;
 use crate::layout::wide_node::DONE;
@@ -186,7 +186,7 @@ pub(super) unsafe fn fly<S: Simd, L: Leaves>(
             lane.best = BestHit::NONE;
             if exactly {
                 let RayState { t_min, t_max, .. } = *ray_state;
-                let reach = if moved {
+                let reach = if moved || !SHARED_REACH {
                     Reach::new(ray_state, &bounds)
                 } else {
                     Reach::with_errors(supply.errors, t_min, t_max)

@@ -14,6 +14,9 @@ use super::sieve::Reach;
 use super::{exact, reference};
 use crate::simd::{Simd, prefetch};
 
+/// Whether the sieve takes the reach of the farthest of the rays prepared together, which is found in vectors. A page would load what that takes.
+pub(super) const SHARED_REACH: bool = !cfg!(target_family = "wasm");
+
 /// Whether exact rays are traced in packets. A page would load what that takes.
 const EXACT_PACKETS: bool = !cfg!(target_family = "wasm");
 
@@ -81,7 +84,7 @@ impl Supply<'_> {
             // SAFETY: the caller's contract.
             unsafe { self.packets::<S>(start, rest, answers) };
             if self.left != 0 {
-                if shifts != 0 {
+                if shifts != 0 && SHARED_REACH {
                     // SAFETY: the caller's contract.
                     self.errors = Reach::errors(unsafe { self.reach::<S>() });
                 }
