@@ -102,19 +102,25 @@ fn finish_test(
     if abs(det) >= fat && most(disorder, SUM_LEAST) <= eightfold {
         hit.t = quotient(total, det);
     } else {
-        if abs(det) >= DET_LEAST && disorder > most(eightfold, SUM_LEAST) {
-            // Most such triangles are the one that the ray starts on; they need no closer look.
+        var lower = nearest;
+        var upper = farthest;
+        if abs(det) >= DET_LEAST && disorder > SUM_LEAST {
             let interpolated = quotient(total, det);
             let part = quotient(disorder, abs(det));
             // An error beyond any float lets nothing go.
             if exponent(part) < 128 {
                 let error = product(part, INTERPOLATION_ERROR);
-                if sum(interpolated, error) < t_min || difference(interpolated, error) > t_max {
+                // Most such triangles are the one that the ray starts on; they need no closer look.
+                let beyond = sum(interpolated, error) < t_min || difference(interpolated, error) > t_max;
+                if disorder > eightfold && beyond {
                     return no_candidate();
                 }
+                // For weights of any size: they are exact up to as much as `area` errs. Twice as wide as that.
+                lower = most(lower, difference(interpolated, product(2.0, error)));
+                upper = least(upper, sum(interpolated, product(2.0, error)));
             }
         }
-        return open_candidate();
+        return open_between(lower, upper);
     }
     hit.t = least(most(hit.t, nearest), farthest);
     if hit.t < t_min || hit.t > t_max {

@@ -27,8 +27,8 @@ fn main(
         let ray = ray_of_words(rays[2u * index], rays[2u * index + 1u]);
         let hit = closest_hit(ray, options);
         hits[index] = hit_words(hit);
-        if hit.triangle == DEFERRED {
-            defer_ray(DEFERRED_PATHS, index);
+        if hit.triangle == DEFERRED || hit.triangle == UNSETTLED {
+            defer_ray(DEFERRED_PATHS, index, left_aside(hit));
         }
     }
 }

@@ -27,8 +27,8 @@ fn main(
         let second = shadow_rays[2u * index + 1u];
         let ray = ray_of_words(first, second);
         let hit = trace_ray(ray, options, true);
-        if hit.triangle == DEFERRED {
-            defer_ray(DEFERRED_SHADOW_RAYS, index);
+        if hit.triangle == DEFERRED || hit.triangle == UNSETTLED {
+            defer_ray(DEFERRED_SHADOW_RAYS, index, left_aside(hit));
         } else if hit.triangle == UNDECIDED_HIT {
             let light = shadow_light[index].xyz;
             leave_undecided(UNDECIDED_SHADOW_RAYS, index, NO_TRIANGLE, first, second, light);
