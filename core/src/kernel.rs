@@ -21,6 +21,7 @@ use core::fmt::Debug;
 
 pub use builder::{
     Buffer, Counter, Kernel, Overflow, SUBTREE_NODES, SUBTREE_WORDS, TreeBuilder, Uniform,
+    subtree_slots,
 };
 pub use checks::{CheckBuffer, CheckCounter, CheckKernel, CheckUniform, DeviceChecks};
 pub use compress::{

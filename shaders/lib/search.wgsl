@@ -41,7 +41,7 @@ fn searched(
     culling: u32,
     any: bool,
 ) -> Search {
-    let candidate = test_triangle(ray, triangle, culling);
+    let candidate = test_triangle(ray, triangle, culling, before.stop);
     if candidate.open {
         var search = before;
         search.open = true;

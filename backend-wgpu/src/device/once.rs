@@ -13,7 +13,7 @@ use crate::error::GpuError;
 ///
 /// A retry by as many invocations as rays took an H100 0.8 ms for two million rays of which none was deferred, half the time of a batch: each
 /// sets up its stack before it sees that nothing is left for it.
-pub(crate) const FEW_WORKGROUPS: u32 = 2048;
+pub(crate) const FEW_WORKGROUPS: u32 = 1024;
 
 /// Workgroups in rows: one dimension may be too short for all. The last row may reach beyond the
 /// end; kernels compare their index with the count.
