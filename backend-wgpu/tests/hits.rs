@@ -693,7 +693,12 @@ fn planted_faults_are_seen() {
             let closed = rays.iter().zip(&first).filter(|(_, hit)| hit.is_hit());
             let closed: Vec<Ray> =
                 closed.map(|(ray, hit)| ray.with_limits(ray.t_min, hit.t)).collect();
+            // And those that begin just behind what they hit.
+            let behind = rays.iter().zip(&first).filter(|(_, hit)| hit.is_hit());
+            let behind: Vec<Ray> =
+                behind.map(|(ray, hit)| ray.with_limits(hit.t.next_up(), ray.t_max)).collect();
             rays.extend(closed);
+            rays.extend(behind);
             rays.extend(away(scene, 50.0));
             rays.extend(along_x(200));
             let expected =
@@ -740,18 +745,49 @@ fn planted_faults_are_seen() {
         ("stops too early", "STOP_SLACK: f32 = 0x1p-13f", "STOP_SLACK: f32 = -0x1p-3f"),
         ("nodes below a cell", "interval.y < enter", "interval.y < leave"),
         ("weights swapped", "weights_over(vec3<f32>(edges.y", "weights_over(vec3<f32>(edges.x"),
-        ("deferred rays are lost", "defer_ray(index);", ""),
+        ("deferred rays are lost", "defer_ray(index, left_aside(hit));", ""),
         ("zeros are outside", "return SIDE_OPEN;", "return 0;"),
         (
             "no closer look where interpolation does not serve",
-            "return open_candidate();\n    }\n    hit.t",
-            "return no_candidate();\n    }\n    hit.t",
+            "return open_between(lower, upper);",
+            "return no_candidate();",
         ),
-        ("closer looks are not deferred", "if !looks_closer() {", "if false {"),
+        ("closer looks are not deferred", "if !set_aside(triangle) {", "if false {"),
         ("far origins are not deferred", "|| !is_near(given)", ""),
         ("wide scenes are not deferred", "scene.wide != 0u || !is_near", "!is_near"),
         ("deep stacks are not deferred", "entry < STACK_STEP + SHORT_ENTRIES", "true"),
-        ("other rays are retried", "deferred_rays[1u + place];", "deferred_rays[place];"),
+        ("what is set aside is lost", "return aside.x != 0u;", "return false;"),
+        ("the second that is set aside is lost", "aside.y = name;", ""),
+        (
+            "the best is not taken along",
+            "best_aside = select(0u, triangle + 1u, found);",
+            "best_aside = 0u;",
+        ),
+        (
+            "what is open is taken for far",
+            "if candidate.weights.x > before.stop {",
+            "if candidate.weights.x > -GREATEST {",
+        ),
+        (
+            "what lies outside the limits ends the walk",
+            "if within_limits(ray, outer_t(ray, candidate.weights.x)) && within_limits(ray, farthest) {",
+            "if true {",
+        ),
+        (
+            "walks end before what is open",
+            "stop_after(ray, candidate.t, farthest)",
+            "stop_after(ray, -1e9, -1e9)",
+        ),
+        (
+            "walks of deferred rays do not begin",
+            "select(NO_NODE, root, all(to_take_up == vec3<u32>()))",
+            "NO_NODE",
+        ),
+        (
+            "other rays are retried",
+            "return deferred_rays[1u + 4u * place];",
+            "return deferred_rays[1u + 4u * (place / 2u)];",
+        ),
         ("-0 below +0", "if bits == 0x80000000u {", "if false {"),
     ] {
         let faulty = sources.clone().map(|source| source.replacen(right, wrong, 1));

@@ -543,8 +543,8 @@ fn planted_faults_in_counts_are_seen() {
         ("return is_as_given(ray, prepared);", "return true;"),
         ("hit.triangle == NO_TRIANGLE);", "true);"),
         ("search.undecided = true;", ""),
-        ("defer_ray(index);", ""),
-        ("deferred_rays[1u + place];", "deferred_rays[place];"),
+        ("defer_ray(index, vec3<u32>());", ""),
+        ("deferred_rays[1u + 4u * place];", "deferred_rays[1u + 4u * (place / 2u)];"),
     ] {
         let faulty = sources.clone().map(|source| source.replacen(from, to, 1));
         assert_ne!(faulty, sources, "{from}: the text is not there");
@@ -608,8 +608,8 @@ fn planted_faults_are_seen() {
         ("any(search.recent == vec4<u32>(triangle))", "false"),
         ("return is_as_given(ray, prepared);", "return true;"),
         ("hit.triangle == NO_TRIANGLE);", "true);"),
-        ("defer_ray(index);", ""),
-        ("deferred_rays[1u + place];", "deferred_rays[place];"),
+        ("defer_ray(index, vec3<u32>());", ""),
+        ("deferred_rays[1u + 4u * place];", "deferred_rays[1u + 4u * (place / 2u)];"),
         ("entry < STACK_STEP + SHORT_ENTRIES", "true"),
         ("interval.y < enter", "interval.y < leave"),
     ] {

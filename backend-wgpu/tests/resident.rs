@@ -420,7 +420,7 @@ fn planted_faults_are_found() {
         (TraceInstances, "directions", "snapped_product(m.z, d.z)", "snapped_product(m.z, p_z(d))"),
         (TraceInstances, "ignored triangles", "+ scene_batch.ignored_triangle", "+ 0u"),
         (TraceInstances, "slack", "bitcast<f32>(lo.w)", "-1.0"),
-        (TraceInstances, "deferred rays", "        defer_ray(index);\n", ""),
+        (TraceInstances, "deferred rays", "        defer_ray(index, vec3<u32>());\n", ""),
         (
             TraceInstancesRetry,
             "retries",

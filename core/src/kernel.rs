@@ -21,6 +21,7 @@ use core::fmt::Debug;
 
 pub use builder::{
     Buffer, Counter, Kernel, Overflow, SUBTREE_NODES, SUBTREE_WORDS, TreeBuilder, Uniform,
+    subtree_slots,
 };
 pub use checks::{CheckBuffer, CheckCounter, CheckKernel, CheckUniform, DeviceChecks};
 pub use compress::{
@@ -199,6 +200,9 @@ pub enum Grid<C> {
     Each(C),
     /// One invocation for each counted item, with this many per workgroup.
     Invocations(C, u32),
+    /// The same, or fewer: an invocation takes several items, as many invocations apart as there are. For kernels that find little to do
+    /// among many items, and whose invocations cost much to start.
+    Few(C, u32),
 }
 
 impl<C> Grid<C> {
@@ -207,7 +211,7 @@ impl<C> Grid<C> {
         match self {
             Grid::One => 1,
             Grid::Each(_) => things,
-            Grid::Invocations(_, width) => things.div_ceil(*width),
+            Grid::Invocations(_, width) | Grid::Few(_, width) => things.div_ceil(*width),
         }
     }
 }

@@ -17,6 +17,8 @@ pub const TRACED: u32 = 64;
 
 /// Words of [`Buffer::Deferred`] before the list: the numbers of paths and of shadow rays, and those of undecided ones.
 pub const DEFERRED_HEAD: u32 = 4;
+/// Words of a deferred ray in the list: its index, and what is left of its walk.
+pub const DEFERRED_WORDS: u32 = 4;
 
 /// The word with the number of undecided paths.
 pub const UNDECIDED_PATHS: u32 = 2;

@@ -3,7 +3,7 @@
 mod explain;
 
 use crate::Pinhole;
-use crate::kernel::{Buffer, DEFERRED_HEAD, Kernel, UNDECIDED_WORDS};
+use crate::kernel::{Buffer, DEFERRED_HEAD, DEFERRED_WORDS, Kernel, UNDECIDED_WORDS};
 use crate::layout::Frame;
 use crate::scene_data::{NONE, Needs, SceneData};
 use crate::settings::{
@@ -139,7 +139,7 @@ impl Plan {
         let most = |bytes: usize| (room.buffer_bytes / bytes as u64).min(1 << 30) as u32;
         let per_path = shadow_rays.max(1) as u32;
         // The list of rays on a device: its head, and the words of each.
-        let words = 1 + if room.undecided { UNDECIDED_WORDS } else { 0 };
+        let words = DEFERRED_WORDS + if room.undecided { UNDECIDED_WORDS } else { 0 };
         let after_head = room.buffer_bytes.saturating_sub(4 * u64::from(DEFERRED_HEAD));
         let listed = (after_head / (4 * u64::from(words))).min(1 << 30) as u32;
         // A glass surface turns one ray into two. Twice the capacity is mostly enough; else the
@@ -369,11 +369,12 @@ impl Plan {
             | Buffer::CompressedNodes
             | Buffer::CompressedReferences => 0,
             Buffer::Deferred if self.undecided => {
-                DEFERRED_HEAD + (1 + UNDECIDED_WORDS) * self.path_room.max(self.shadow_room)
+                DEFERRED_HEAD
+                    + (DEFERRED_WORDS + UNDECIDED_WORDS) * self.path_room.max(self.shadow_room)
             }
             Buffer::Deferred => {
                 let shadows = when(self.casts_shadows(), self.shadow_room);
-                DEFERRED_HEAD + self.path_room.max(shadows)
+                DEFERRED_HEAD + DEFERRED_WORDS * self.path_room.max(shadows)
             }
             Buffer::Counters => 1,
         }

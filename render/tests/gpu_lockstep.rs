@@ -176,12 +176,12 @@ fn planted_faults_are_named() {
     }
     // What finishes the work of a kernel.
     for (kernel, text, fault) in [
-        (K::ClosestHits, "deferred_rays[DEFERRED_HEAD + place]", "deferred_rays[1u + place]"),
+        (K::ClosestHits, "let at = DEFERRED_HEAD + 4u * place", "let at = 1u + 4u * place"),
         (K::ShadowHits, "hit.triangle != NO_TRIANGLE", "true"),
         (
             K::ShadowHitsThroughGlass,
-            "light_left = shadow_light[index].xyz",
-            "light_left = vec3<f32>(1.0)",
+            "begin_light(shadow_light[index].xyz)",
+            "begin_light(vec3<f32>(1.0))",
         ),
     ] {
         let name = splitplane_shaders::render_retry(kernel.name()).expect("a second shader");

@@ -22,20 +22,20 @@ var<private> kept: bool;
 
 // Indices count from the subtree's start.
 fn put_node(index: u32, words: vec2<u32>) {
-    if kept && index < SUBTREE_NODES {
+    if kept && index < subtree_nodes() {
         subtrees[slot + 3u * index] = words.x;
         subtrees[slot + 3u * index + 2u] = words.y;
     }
 }
 
 fn put_right(parent: u32, axis: u32, right: u32) {
-    if kept && parent < SUBTREE_NODES {
+    if kept && parent < subtree_nodes() {
         subtrees[slot + 3u * parent + 2u] = (right << 2u) | axis;
     }
 }
 
 fn put_leaf(index: u32, mask: vec2<u32>, first: u32, lane: u32) {
-    if lane == 0u && kept && index < SUBTREE_NODES {
+    if lane == 0u && kept && index < subtree_nodes() {
         let at = slot + 3u * index;
         subtrees[at] = mask.x;
         subtrees[at + 1u] = mask.y;
@@ -55,8 +55,8 @@ fn main(
     opaque_zero = parameters.zero;
     let end = slice_end(live(COUNTER_SMALL_ROOTS));
     for (var index = parameters.first + group.x; index < end; index += groups.x) {
-        slot = SUBTREE_WORDS * index;
-        kept = index < parameters.subtree_room;
+        slot = subtree_slot(index);
+        kept = has_subtree_slot(index);
         let root = small_roots[index];
         // Uniform: every lane reads the same root.
         if !is_seen(root) {

@@ -40,7 +40,7 @@ fn put_half(mask: u32, first: u32, second: bool) {
     }
 }
 
-// Copies a subtree that was kept: indices become addresses. An invocation a node.
+// Copies a subtree that was kept: indices become addresses. An invocation every 64th node.
 fn copy_subtree(root: SmallRoot, slot: u32, count: u32, lane: u32) {
     workgroupBarrier();
     let half = (root.count + 1u) / 2u;
@@ -51,17 +51,17 @@ fn copy_subtree(root: SmallRoot, slot: u32, count: u32, lane: u32) {
             small_references[at].triangle, small_references[at + min(half, root.count - 1u - lane)].triangle);
     }
     workgroupBarrier();
-    if lane < count {
-        let at = slot + 3u * lane;
+    for (var node = lane; node < count; node += SMALL_LANES) {
+        let at = slot + 3u * node;
         let mask = vec2<u32>(subtrees[at], subtrees[at + 1u]);
         let last = subtrees[at + 2u];
         if (last & 3u) == 3u {
             let first = last >> 2u;
             put_half(mask.x, first, false);
             put_half(mask.y, first + countOneBits(mask.x), true);
-            put_node(lane, leaf(first, count_mask(mask)));
+            put_node(node, leaf(first, count_mask(mask)));
         } else {
-            nodes[address.x + lane] = vec2<u32>(mask.x, last + (address.x << 2u));
+            nodes[address.x + node] = vec2<u32>(mask.x, last + (address.x << 2u));
         }
     }
 }
@@ -83,8 +83,8 @@ fn main(
         let size = small_sizes[index];
         if root.count > parameters.small_node_limit {
             put_large_leaf(root, lane);
-        } else if index < parameters.subtree_room && size.x <= SUBTREE_NODES {
-            copy_subtree(root, SUBTREE_WORDS * index, size.x, lane);
+        } else if has_subtree_slot(index) && size.x <= subtree_nodes() {
+            copy_subtree(root, subtree_slot(index), size.x, lane);
         }
     }
 }

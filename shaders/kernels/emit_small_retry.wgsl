@@ -61,7 +61,7 @@ fn main(
     let end = slice_end(live(COUNTER_SMALL_ROOTS));
     for (var index = parameters.first + group.x; index < end; index += groups.x) {
         // Uniform: every lane reads the same root.
-        if index < parameters.subtree_room && small_sizes[index].x <= SUBTREE_NODES {
+        if has_subtree_slot(index) && small_sizes[index].x <= subtree_nodes() {
             continue;
         }
         let root = small_roots[index];

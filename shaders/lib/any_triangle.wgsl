@@ -202,7 +202,7 @@ fn test_closely(ray: PreparedRay, index: u32, culling: u32) -> Candidate {
         t_min = -GREATEST;
         t_max = GREATEST;
     }
-    var hit = finish_test(ray, origin, index, held, seen, edges, side, t_min, t_max);
+    var hit = finish_test(ray, origin, index, held, seen, edges, side, t_min, t_max, GREATEST);
     if hit.open {
         hit = look_closer(ray, origin, held, seen, edges, side, t_min, t_max);
     }

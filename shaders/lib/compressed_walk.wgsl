@@ -1,6 +1,6 @@
 // Twin of core/src/query/compressed/walk.rs: the walk of a ray down compressed nodes, in place of traverse.wgsl. Rays
-// that are not plain, triangles that take a closer look, and stacks that are too deep are deferred to a shader that
-// walks the tree itself: the hits are the same.
+// that are not plain, more triangles that take a closer look than set_aside.wgsl has room for, and stacks that are too deep are deferred
+// to a shader that walks the tree itself: the hits are the same.
 //
 // The stack stands in box_stack.wgsl; what is done with triangles in search.wgsl; whether a ray passes what it meets in
 // one_hit.wgsl or through_glass.wgsl.
@@ -195,11 +195,14 @@ fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
             let triangle = compressed_references[at];
             at += 1u;
             rest -= 1u;
-            if triangle != options.ignore {
+            if triangle != options.ignore && !may_skip(search, triangle) {
                 observe_triangle();
                 search = searched(search, prepared, triangle, options.culling, any);
                 if search.open {
-                    return Hit(GREATEST, DEFERRED, 0.0, 0.0);
+                    search.open = false;
+                    if !set_aside(triangle) {
+                        return Hit(GREATEST, DEFERRED, 0.0, 0.0);
+                    }
                 }
                 if any && search.found {
                     break;
@@ -233,6 +236,9 @@ fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
     }
     if !loops_run() || (!(any && search.found) && (top ^ opaque_zero) >= STACK_STEP) {
         return Hit(GREATEST, UNFINISHED, 0.0, 0.0);
+    }
+    if !(any && search.found) && leaves_aside(search.found, search.triangle) {
+        return Hit(GREATEST, UNSETTLED, 0.0, 0.0);
     }
     return search_hit(search, prepared);
 }

@@ -64,7 +64,8 @@ struct PreparedRay {
 // A hit in inner units; none unless `some`.
 struct Candidate {
     some: bool,
-    // Whether the test leaves to a closer look if there is one.
+    // Whether the test leaves to a closer look if there is one. With `some` it is met: no farther than `t`, and no nearer than
+    // `weights.x`.
     open: bool,
     t: f32,
     // What the triangle test makes u and v from, once it is known which hit is the answer: see `barycentric`.
@@ -77,6 +78,10 @@ fn no_candidate() -> Candidate {
 
 fn open_candidate() -> Candidate {
     return Candidate(false, true, 0.0, vec3<f32>());
+}
+
+fn open_between(nearest: f32, farthest: f32) -> Candidate {
+    return Candidate(true, true, farthest, vec3<f32>(nearest, 0.0, 0.0));
 }
 
 fn is_finite_bits(bits: u32) -> bool {

@@ -31,7 +31,7 @@ fn barycentric(ray: PreparedRay, triangle: u32, weights: vec3<f32>) -> vec2<f32>
 }
 
 // The triangle test of this shader.
-fn test_triangle(ray: PreparedRay, triangle: u32, culling: u32) -> Candidate {
+fn test_triangle(ray: PreparedRay, triangle: u32, culling: u32, stop: f32) -> Candidate {
     return moeller_trumbore(ray, corners_of(triangle), culling);
 }
 

@@ -14,7 +14,7 @@ struct Ray {
 // is NO_TRIANGLE, `t` GREATEST (WGSL has no infinity) and the weights 0. `triangle` is UNFINISHED, and
 // the rest as for a miss, when the driver ended the traversal early. It is UNDECIDED_HIT when a test that
 // tells exact hits leaves open which it is; whatever may be hit is no nearer than `t`. It is DEFERRED when the ray is
-// left to another shader; no shader writes that.
+// left to another shader, and UNSETTLED when all but the triangles that are set aside is known; nobody but that shader sees these.
 struct Hit {
     t: f32,
     triangle: u32,
@@ -34,6 +34,7 @@ const NO_TRIANGLE: u32 = 0xffffffffu;
 const UNFINISHED: u32 = 0xfffffffeu;
 const UNDECIDED_HIT: u32 = 0xfffffffdu;
 const DEFERRED: u32 = 0xfffffffcu;
+const UNSETTLED: u32 = 0xfffffffbu;
 const CULL_NONE: u32 = 0u;
 const CULL_BACK: u32 = 1u;
 const CULL_FRONT: u32 = 2u;
@@ -52,7 +53,7 @@ fn no_hit() -> Hit {
 }
 
 fn is_hit(hit: Hit) -> bool {
-    return hit.triangle < DEFERRED;
+    return hit.triangle < UNSETTLED;
 }
 
 // A ray from the 32 bytes of its record.

@@ -23,9 +23,9 @@ fn is_traceable(ray: Ray, prepared: PreparedRay) -> bool {
     return true;
 }
 
-// Whether a triangle need not be tested: none is left out.
+// Whether a triangle need not be tested: where tests are not counted, the best so far, which may lie in the next leaf too.
 fn may_skip(search: Search, triangle: u32) -> bool {
-    return false;
+    return skips_best() && triangle == search.triangle;
 }
 
 // True when a hit comes before what was found: lesser `t`, at equal `t` the lower triangle index.
@@ -41,13 +41,31 @@ fn searched(
     culling: u32,
     any: bool,
 ) -> Search {
-    let candidate = test_triangle(ray, triangle, culling);
+    let candidate = test_triangle(ray, triangle, culling, before.stop);
     if candidate.open {
         var search = before;
         search.open = true;
+        if !looks_closer() && candidate.some {
+            search = narrowed(search, ray, candidate);
+        }
         return search;
     }
     return accepted(before, ray, triangle, candidate, any);
+}
+
+// The search after a triangle that is met, though where is known within bounds only. What is certainly behind the best hit needs no closer
+// look; what is certainly met ends the search where it lies at the farthest.
+fn narrowed(before: Search, ray: PreparedRay, candidate: Candidate) -> Search {
+    var search = before;
+    if candidate.weights.x > before.stop {
+        search.open = false;
+        return search;
+    }
+    let farthest = outer_t(ray, candidate.t);
+    if within_limits(ray, outer_t(ray, candidate.weights.x)) && within_limits(ray, farthest) {
+        search.stop = least(before.stop, stop_after(ray, candidate.t, farthest));
+    }
+    return search;
 }
 
 // The search after a closer look at a triangle that was left open.

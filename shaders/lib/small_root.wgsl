@@ -8,6 +8,25 @@
 // The triangles of each lane's two references.
 var<workgroup> own_triangles: array<vec2<u32>, 32>;
 
+// Slots that the kept subtree of a root may take: more where leaves are small. Twin of `subtree_slots` in core/src/kernel/builder.rs.
+fn subtree_slots() -> u32 {
+    return select(1u, 4u, parameters.block_width < 4u);
+}
+
+fn subtree_nodes() -> u32 {
+    return SUBTREE_NODES * subtree_slots();
+}
+
+// Where the subtree of a root is kept.
+fn subtree_slot(index: u32) -> u32 {
+    return SUBTREE_WORDS * subtree_slots() * index;
+}
+
+// Whether there is room for the subtree of a root.
+fn has_subtree_slot(index: u32) -> bool {
+    return index < parameters.subtree_room / subtree_slots();
+}
+
 fn count_mask(mask: vec2<u32>) -> u32 {
     return countOneBits(mask.x) + countOneBits(mask.y);
 }

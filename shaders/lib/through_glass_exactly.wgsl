@@ -4,7 +4,7 @@
 // Clear surfaces that a shadow ray passes; behind more of them it is dark.
 const MOST_CLEAR_LAYERS: u32 = 16u;
 
-// What is left of the light of this invocation's ray. An entry point sets it.
+// What is left of the light of this invocation's ray. See `begin_light`.
 var<private> light_left: vec3<f32>;
 // Clear surfaces that it has passed.
 var<private> layers_passed: u32;
@@ -12,6 +12,14 @@ var<private> layers_passed: u32;
 var<private> is_dark: bool;
 // Whether it was left at a clear surface, whose distance is not certain.
 var<private> is_left: bool;
+
+// Begins a ray that would bring this light.
+fn begin_light(light: vec3<f32>) {
+    light_left = light;
+    layers_passed = 0u;
+    is_dark = false;
+    is_left = false;
+}
 
 // Whether the ray passes what it has met.
 fn passes(search: Search) -> bool {

@@ -16,7 +16,7 @@ fn leave_undecided(
 ) {
     let place = atomicAdd(&deferred_rays[count], 1u);
     let room = max(frame.path_room, frame.shadow_room);
-    let at = DEFERRED_HEAD + room + UNDECIDED_WORDS * place;
+    let at = DEFERRED_HEAD + 4u * room + UNDECIDED_WORDS * place;
     atomicStore(&deferred_rays[at], index);
     atomicStore(&deferred_rays[at + 1u], triangle);
     for (var k = 0u; k < 4u; k++) {

@@ -64,7 +64,8 @@ fn sheared(ray: PreparedRay, triangle: Triangle) -> Sheared {
     return seen;
 }
 
-// Where a triangle is met, once it is known to be; open where interpolation does not serve.
+// Where a triangle is met, once it is known to be; open where interpolation does not serve. What is certainly beyond `stop`, which is at least
+// 2^-13 of itself behind the best hit so far, may be left out: it cannot come before that.
 fn finish_test(
     ray: PreparedRay,
     origin: vec3<f32>,
@@ -75,6 +76,7 @@ fn finish_test(
     side: i32,
     t_min: f32,
     t_max: f32,
+    stop: f32,
 ) -> Candidate {
     let sz = ray.shear.z;
     let depths = vec3<f32>(
@@ -100,21 +102,30 @@ fn finish_test(
     let eightfold = product(8.0, abs(total));
     var hit = Candidate(true, false, 0.0, vec3<f32>(edges.y, edges.z, det));
     if abs(det) >= fat && most(disorder, SUM_LEAST) <= eightfold {
+        if free_mul(total, free_reciprocal(det)) > stop {
+            return no_candidate();
+        }
         hit.t = quotient(total, det);
     } else {
-        if abs(det) >= DET_LEAST && disorder > most(eightfold, SUM_LEAST) {
-            // Most such triangles are the one that the ray starts on; they need no closer look.
+        var lower = nearest;
+        var upper = farthest;
+        if abs(det) >= DET_LEAST && disorder > SUM_LEAST {
             let interpolated = quotient(total, det);
             let part = quotient(disorder, abs(det));
             // An error beyond any float lets nothing go.
             if exponent(part) < 128 {
                 let error = product(part, INTERPOLATION_ERROR);
-                if sum(interpolated, error) < t_min || difference(interpolated, error) > t_max {
+                // Most such triangles are the one that the ray starts on; they need no closer look.
+                let beyond = sum(interpolated, error) < t_min || difference(interpolated, error) > t_max;
+                if disorder > eightfold && beyond {
                     return no_candidate();
                 }
+                // For weights of any size: they are exact up to as much as `area` errs. Twice as wide as that.
+                lower = most(lower, difference(interpolated, product(2.0, error)));
+                upper = least(upper, sum(interpolated, product(2.0, error)));
             }
         }
-        return open_candidate();
+        return open_between(lower, upper);
     }
     hit.t = least(most(hit.t, nearest), farthest);
     if hit.t < t_min || hit.t > t_max {
@@ -141,7 +152,7 @@ fn width_of(seen: Sheared) -> f32 {
 }
 
 // The watertight test: where the ray meets the triangle within its limits; open where that takes a closer look.
-fn watertight(ray: PreparedRay, index: u32, culling: u32) -> Candidate {
+fn watertight(ray: PreparedRay, index: u32, culling: u32, stop: f32) -> Candidate {
     if ray.wide {
         return open_candidate();
     }
@@ -156,10 +167,10 @@ fn watertight(ray: PreparedRay, index: u32, culling: u32) -> Candidate {
         return no_candidate();
     }
     let limits = inner_limits(ray);
-    return finish_test(ray, ray.origin, index, triangle, seen, edges, side, limits.x, limits.y);
+    return finish_test(ray, ray.origin, index, triangle, seen, edges, side, limits.x, limits.y, stop);
 }
 
 // The triangle test of this shader.
-fn test_triangle(ray: PreparedRay, triangle: u32, culling: u32) -> Candidate {
-    return watertight(ray, triangle, culling);
+fn test_triangle(ray: PreparedRay, triangle: u32, culling: u32, stop: f32) -> Candidate {
+    return watertight(ray, triangle, culling, stop);
 }

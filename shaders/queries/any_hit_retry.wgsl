@@ -1,5 +1,5 @@
 // Whether each ray that `any_hit` deferred hits anything.
-// One invocation a ray; those beyond the list do nothing.
+// One invocation a ray, or fewer that take several, as many apart as there are; those beyond the list do nothing.
 // Reads: nodes, references, corners and scale of the scene; the rays of the batch; the deferred ones.
 // Writes: the words of the deferred rays.
 // Ties: none; the answer does not depend on which hit is found.
@@ -12,11 +12,11 @@ fn main(
     @builtin(num_workgroups) workgroups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let place = ray_index(workgroup, workgroups, local);
-    if place >= deferred_count() {
-        return;
+    let apart = workgroups.x * workgroups.y * 64u;
+    for (var place = ray_index(workgroup, workgroups, local); place < deferred_count(); place += apart) {
+        let index = deferred_ray(place);
+        to_take_up = left_of_walk(place);
+        let hit = trace_ray(batch_ray(index), QueryOptions(batch.culling, batch.ignore), true);
+        occluded[index] = occluded_word(hit);
     }
-    let index = deferred_rays[1u + place];
-    let hit = trace_ray(batch_ray(index), QueryOptions(batch.culling, batch.ignore), true);
-    occluded[index] = occluded_word(hit);
 }

@@ -19,6 +19,6 @@ fn main(
     let hit = trace_ray(batch_ray(index), QueryOptions(batch.culling, batch.ignore), false);
     end_count(index, hit);
     if hit.triangle == DEFERRED {
-        defer_ray(index);
+        defer_ray(index, vec3<u32>());
     }
 }

@@ -18,6 +18,6 @@ fn main(
     let hit = trace_ray(batch_ray(index), QueryOptions(batch.culling, batch.ignore), false);
     end_list(hit);
     if hit.triangle == DEFERRED {
-        defer_ray(index);
+        defer_ray(index, vec3<u32>());
     }
 }

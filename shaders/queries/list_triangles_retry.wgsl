@@ -1,5 +1,5 @@
 // The triangles that each ray which `list_triangles` deferred may meet.
-// One invocation a ray; those beyond the list do nothing.
+// One invocation a ray, or fewer that take several, as many apart as there are; those beyond the list do nothing.
 // Reads: nodes, references, corners and scale of the scene; the rays of the batch; the deferred ones.
 // Writes: the lists of the deferred rays, as `list_triangles` does; none is deferred again.
 // Ties: none; a list is in the order of leaves, a triangle as often as it has references there or less.
@@ -10,11 +10,10 @@ fn main(
     @builtin(num_workgroups) workgroups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let place = ray_index(workgroup, workgroups, local);
-    if place >= deferred_count() {
-        return;
+    let apart = workgroups.x * workgroups.y * 64u;
+    for (var place = ray_index(workgroup, workgroups, local); place < deferred_count(); place += apart) {
+        let index = deferred_ray(place);
+        begin_list(index);
+        end_list(trace_ray(batch_ray(index), QueryOptions(batch.culling, batch.ignore), false));
     }
-    let index = deferred_rays[1u + place];
-    begin_list(index);
-    end_list(trace_ray(batch_ray(index), QueryOptions(batch.culling, batch.ignore), false));
 }

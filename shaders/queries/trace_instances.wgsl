@@ -21,6 +21,6 @@ fn main(
         return;
     }
     if !trace_entered(index, instance) {
-        defer_ray(index);
+        defer_ray(index, vec3<u32>());
     }
 }

@@ -1,5 +1,5 @@
 // The closest hit, or any, of every ray that `trace_instances` deferred, with the instance that it has entered.
-// One invocation a ray; those beyond the list do nothing.
+// One invocation a ray, or fewer that take several, as many apart as there are; those beyond the list do nothing.
 // Reads: the instances; nodes, references and corners of their geometries; the rays of the batch, what they have entered, and
 // their best hits so far; the deferred rays.
 // Writes: hits, as `trace_instances` does; no ray is deferred again.
@@ -11,10 +11,9 @@ fn main(
     @builtin(num_workgroups) workgroups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let place = ray_index(workgroup, workgroups, local);
-    if place >= deferred_count() {
-        return;
+    let apart = workgroups.x * workgroups.y * 64u;
+    for (var place = ray_index(workgroup, workgroups, local); place < deferred_count(); place += apart) {
+        let index = deferred_ray(place);
+        let traced = trace_entered(index, ways[index]);
     }
-    let index = deferred_rays[1u + place];
-    let traced = trace_entered(index, ways[index]);
 }

@@ -9,7 +9,7 @@
 @group(0) @binding(1) var<storage, read> counters: array<u32, 16>;
 @group(0) @binding(2) var<storage, read> shadow_rays: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read_write> shadow_light: array<vec4<f32>>;
-@group(0) @binding(6) var<storage, read> triangles: array<f32>;
+@group(0) @binding(6) var<storage, read> triangles: array<TriangleWords>;
 @group(0) @binding(7) var<uniform> scene: Scene;
 @group(0) @binding(8) var<storage, read_write> deferred_rays: array<atomic<u32>>;
 
@@ -27,8 +27,8 @@ fn main(
         let second = shadow_rays[2u * index + 1u];
         let ray = ray_of_words(first, second);
         let hit = trace_ray(ray, options, true);
-        if hit.triangle == DEFERRED {
-            defer_ray(DEFERRED_SHADOW_RAYS, index);
+        if hit.triangle == DEFERRED || hit.triangle == UNSETTLED {
+            defer_ray(DEFERRED_SHADOW_RAYS, index, left_aside(hit));
         } else if hit.triangle == UNDECIDED_HIT {
             let light = shadow_light[index].xyz;
             leave_undecided(UNDECIDED_SHADOW_RAYS, index, NO_TRIANGLE, first, second, light);

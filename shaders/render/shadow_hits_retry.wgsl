@@ -1,5 +1,5 @@
 // What `shadow_hits` leaves to this kernel: removes the light of shadow rays that hit something, for any ray.
-// One invocation a shadow ray of the list; those beyond it do nothing.
+// One invocation a shadow ray of the list, or fewer that take several, as many apart as there are; those beyond it do nothing.
 // Reads: shadow rays; nodes, references, corners and scale of the scene; the list.
 // Writes: no light where there is a hit; 1 in the last component where the driver did not follow the ray
 // to its end. In any order, what is left to the CPU.
@@ -8,21 +8,24 @@
 @group(0) @binding(1) var<storage, read> counters: array<u32, 16>;
 @group(0) @binding(2) var<storage, read> shadow_rays: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read_write> shadow_light: array<vec4<f32>>;
-@group(0) @binding(6) var<storage, read> triangles: array<f32>;
+@group(0) @binding(6) var<storage, read> triangles: array<TriangleWords>;
 @group(0) @binding(7) var<uniform> scene: Scene;
 @group(0) @binding(8) var<storage, read_write> deferred_rays: array<atomic<u32>>;
 
 @compute @workgroup_size(64)
 fn main(
     @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
     opaque_zero = frame.zero;
     let count = atomicLoad(&deferred_rays[DEFERRED_SHADOW_RAYS]);
     let options = QueryOptions(frame.culling, frame.ignore);
-    let place = group.x * TRACED + lane;
-    if place < count {
-        let index = atomicLoad(&deferred_rays[DEFERRED_HEAD + place]);
+    for (var place = group.x * TRACED + lane; place < count; place += groups.x * TRACED) {
+        let at = DEFERRED_HEAD + 4u * place;
+        let index = atomicLoad(&deferred_rays[at]);
+        to_take_up = vec3<u32>(
+            atomicLoad(&deferred_rays[at + 1u]), atomicLoad(&deferred_rays[at + 2u]), atomicLoad(&deferred_rays[at + 3u]));
         let first = shadow_rays[2u * index];
         let second = shadow_rays[2u * index + 1u];
         let ray = ray_of_words(first, second);

@@ -9,7 +9,7 @@
 @group(0) @binding(1) var<storage, read> counters: array<u32, 16>;
 @group(0) @binding(2) var<storage, read> shadow_rays: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read_write> shadow_light: array<vec4<f32>>;
-@group(0) @binding(6) var<storage, read> triangles: array<f32>;
+@group(0) @binding(6) var<storage, read> triangles: array<TriangleWords>;
 @group(0) @binding(7) var<uniform> scene: Scene;
 @group(0) @binding(8) var<storage, read_write> deferred_rays: array<atomic<u32>>;
 @group(0) @binding(9) var<storage, read> scene_words: array<u32>;
@@ -24,13 +24,13 @@ fn main(
     let options = QueryOptions(frame.culling, frame.ignore);
     let index = group.x * TRACED + lane;
     if index < count {
-        light_left = shadow_light[index].xyz;
+        begin_light(shadow_light[index].xyz);
         let first = shadow_rays[2u * index];
         let second = shadow_rays[2u * index + 1u];
         let ray = ray_of_words(first, second);
         let hit = trace_ray(ray, options, false);
         if hit.triangle == DEFERRED {
-            defer_ray(DEFERRED_SHADOW_RAYS, index);
+            defer_ray(DEFERRED_SHADOW_RAYS, index, vec3<u32>());
         } else if hit.triangle == UNFINISHED {
             shadow_light[index] = vec4<f32>(0.0, 0.0, 0.0, 1.0);
         } else if is_undecided(hit) {

@@ -2,7 +2,7 @@
 
 use splitplane_core::build::middle::{Region, hand_over_limit};
 use splitplane_core::config::{BuildConfig, CHUNK, Planes};
-use splitplane_core::kernel::{Buffer, Counter, Overflow};
+use splitplane_core::kernel::{Buffer, Counter, Overflow, subtree_slots};
 use splitplane_core::layout::{Counters, Parameters};
 
 use super::middle_stage::MiddleStage;
@@ -28,7 +28,7 @@ pub(crate) struct Capacities {
     pub references: u32,
     pub small_roots: u32,
     pub small_references: u32,
-    /// Small roots whose subtrees are kept; others are built twice.
+    /// Slots for subtrees that are kept; others are built twice. A root has [`subtree_slots`] of them.
     pub subtrees: u32,
     /// References of the pool of the middle stage, and nodes and leaves of its regions.
     pub middle_references: u32,
@@ -67,7 +67,8 @@ impl Capacities {
             references: share(triangles, 3, 2, 4096),
             small_roots: share(triangles, 1, 12, 1024),
             small_references: share(triangles, 3, 1, 4096),
-            subtrees: share(triangles, 1, 12, 1024),
+            subtrees: share(triangles, 1, 12, 1024)
+                .saturating_mul(subtree_slots(config.block_width)),
             middle_references: 0,
             middle_nodes: 0,
             middle_leaves: 0,

@@ -172,7 +172,7 @@ impl Job for Build<'_> {
                     }));
                 }
             }
-            Grid::Each(counter) | Grid::Invocations(counter, _) => {
+            Grid::Each(counter) | Grid::Invocations(counter, _) | Grid::Few(counter, _) => {
                 let wanted = grid.workgroups(self.most(counter));
                 let workgroups = wanted.clamp(1, most_groups(self.software, wanted));
                 if kernel == Kernel::ScatterReferences && self.capacities.by_halves {

@@ -9,6 +9,7 @@ use splitplane_core::kernel::{KernelSet, Slot};
 
 use super::bindings::{BindGroups, bind};
 use super::kernel_set::{Bound, DeviceSet};
+use super::once::FEW_WORKGROUPS;
 use super::pipelines::{Compiled, Pipelines};
 use super::profile::Profile;
 use super::readback::read;
@@ -182,6 +183,8 @@ pub struct DeviceExecutor<'a, J: Job> {
 struct Shaders {
     /// Its own, and what finishes what that leaves.
     compiled: Vec<Compiled>,
+    /// Whether the second is its retry.
+    retries: bool,
     /// Whether its own binds other buffers than the rest.
     own_bindings: bool,
 }
@@ -328,9 +331,10 @@ impl<'a, J: Job> DeviceExecutor<'a, J> {
         let own = self.pipelines.get::<J::Set>(gpu, kernel, variant)?;
         let retry = self.pipelines.get_retry::<J::Set>(gpu, kernel, variant)?;
         let settle = self.pipelines.get_settle::<J::Set>(gpu, kernel, variant)?;
+        let retries = retry.is_some();
         let compiled = [Some(own), retry, settle].into_iter().flatten().collect();
         let own_bindings = J::Set::own_bindings(kernel, variant).is_some();
-        Ok(self.shaders[place].insert(Shaders { compiled, own_bindings }).clone())
+        Ok(self.shaders[place].insert(Shaders { compiled, retries, own_bindings }).clone())
     }
 
     /// A bind group for each of these views: for a kernel's own shader where that binds other buffers than the rest, or for all that
@@ -388,7 +392,8 @@ impl<J: Job> Executor<J::Set> for DeviceExecutor<'_, J> {
 
     fn dispatch(&mut self, kernel: SetKernel<J>) -> Result<(), J::Error> {
         // All that can fail comes before the pass is opened.
-        let Shaders { compiled, own_bindings } = self.shaders(kernel)?;
+        let Shaders { compiled, retries, own_bindings } = self.shaders(kernel)?;
+        let few_retries = retries && J::Set::FEW_RETRIES && !self.gpu.is_software();
         self.pieces.clear();
         self.job.pieces(kernel, self.swapped, &mut self.pieces);
         let views: Vec<u32> = self.pieces.iter().map(|piece| piece.view).collect();
@@ -418,6 +423,8 @@ impl<J: Job> Executor<J::Set> for DeviceExecutor<'_, J> {
             pass.set_pipeline(&compiled.pipeline);
             let groups = rest.as_ref().filter(|_| place > 0).unwrap_or(&first);
             for (piece, group) in self.pieces.iter().zip(groups) {
+                let few = few_retries && place == 1;
+                let most = if few { most.min(FEW_WORKGROUPS) } else { most };
                 let workgroups = piece.workgroups.min(most);
                 self.most_workgroups = self.most_workgroups.max(workgroups);
                 pass.set_bind_group(0, group, piece.block.as_slice());

@@ -11,6 +11,10 @@ pub trait DeviceSet: KernelSet {
     /// What the text of a kernel depends on, in addition to the kernel.
     type Variant: Copy + Debug;
 
+    /// Whether the shaders of [`DeviceSet::retry`] do with fewer workgroups than the kernels: an invocation takes several items, as many
+    /// apart as there are invocations.
+    const FEW_RETRIES: bool = false;
+
     /// The shader of a kernel.
     fn text(kernel: Self::Kernel, variant: &Self::Variant) -> Text;
 

@@ -1,5 +1,6 @@
 //! Query kernels from any text, such as one with a fault.
 
+use splitplane_core::kernel::QueryKernel;
 use splitplane_core::ray::Ray;
 use splitplane_wgpu::DeviceTree;
 
@@ -24,7 +25,7 @@ pub(crate) fn answers(
     let counts = sources[0].contains("@binding(8)");
     let lists = counts.then(|| storage(4 * room as usize * rays.len()));
     gpu.queue().write_buffer(&given, 0, bytemuck::cast_slice(rays));
-    let deferred = storage(4 * (rays.len() + 1));
+    let deferred = storage(QueryKernel::deferred_bytes(rays.len() as u32) as usize);
     gpu.queue().write_buffer(&deferred, 0, &[0; 4]);
     let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
     let batch = gpu.buffer("batch", 16, usage).expect("a buffer");

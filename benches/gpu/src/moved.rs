@@ -72,7 +72,9 @@ impl Ledger {
                     let new = live.saturating_sub(*self.written(buffer));
                     // One invocation writes one element.
                     let new = match kernel.grid() {
-                        Grid::Invocations(items, _) => new.min(counters[items].into()),
+                        Grid::Invocations(items, _) | Grid::Few(items, _) => {
+                            new.min(counters[items].into())
+                        }
                         _ => new,
                     };
                     if new > 0 {
@@ -100,7 +102,10 @@ pub(crate) fn is_counted_by_shaders(name: &str) -> bool {
 
 /// Whether a kernel reads only some elements of a list, by index.
 fn is_by_index(kernel: Kernel, buffer: Buffer) -> bool {
-    let (Grid::Each(items) | Grid::Invocations(items, _)) = kernel.grid() else { return false };
+    let (Grid::Each(items) | Grid::Invocations(items, _) | Grid::Few(items, _)) = kernel.grid()
+    else {
+        return false;
+    };
     match buffer {
         Buffer::Triangles => !matches!(items, Counter::Triangles | Counter::InputChunks),
         Buffer::References | Buffer::NextReferences => {

@@ -165,12 +165,18 @@ kernel_set! {
     }
 }
 
-/// Nodes of a subtree that devices keep for `emit_small`; larger ones are built again.
+/// Nodes of a slot that devices keep for `emit_small`. Subtrees of more than their slots hold are built again.
 pub const SUBTREE_NODES: u32 = 42;
-/// Words of a subtree that is kept: three per node.
+/// Words of a slot: three per node.
 pub const SUBTREE_WORDS: u32 = 126;
 
 const _: () = assert!(SUBTREE_WORDS == 3 * SUBTREE_NODES);
+
+/// Slots that the kept subtree of a small root may take, for leaves in blocks of this width (W). Where leaves have one triangle, subtrees of
+/// sponza have 81 nodes on average: with one slot most of them were built twice, which took an H100 two fifths of a build.
+pub const fn subtree_slots(block_width: u32) -> u32 {
+    if block_width < 4 { 4 } else { 1 }
+}
 
 /// What kernels count, and where in [`Counters::words`].
 #[repr(u32)]

@@ -95,7 +95,7 @@ macro_rules! kernel_set {
                 name: $name,
                 grid: {
                     #[allow(unused_imports, reason = "a set may use one kind of grid only")]
-                    use $crate::kernel::Grid::{Each, Invocations, One};
+                    use $crate::kernel::Grid::{Each, Few, Invocations, One};
                     #[allow(unused_imports, reason = "one workgroup counts nothing")]
                     use $Counter::*;
                     $grid

@@ -85,7 +85,7 @@ kernel_set! {
             reads Nodes, reads LeafReferences, reads Triangles, uniform Scene,
             reads Rays, writes Hits, uniform Batch, updates Deferred;
         /// The closest hit of every ray that the kernel before deferred.
-        ClosestHitRetry "closest_hit_retry", Invocations(Rays, 64) =>
+        ClosestHitRetry "closest_hit_retry", Few(Rays, 64) =>
             reads Nodes, reads LeafReferences, reads Triangles, uniform Scene,
             reads Rays, scatters Hits, uniform Batch, reads Deferred;
         /// Whether every ray of the plain case hits anything.
@@ -93,7 +93,7 @@ kernel_set! {
             reads Nodes, reads LeafReferences, reads Triangles, uniform Scene,
             reads Rays, writes Occluded, uniform Batch, updates Deferred;
         /// Whether every ray that the kernel before deferred hits anything.
-        AnyHitRetry "any_hit_retry", Invocations(Rays, 64) =>
+        AnyHitRetry "any_hit_retry", Few(Rays, 64) =>
             reads Nodes, reads LeafReferences, reads Triangles, uniform Scene,
             reads Rays, scatters Occluded, uniform Batch, reads Deferred;
         /// The triangles that every ray of the plain case may meet.
@@ -101,7 +101,7 @@ kernel_set! {
             reads Nodes, reads LeafReferences, reads Triangles, uniform Scene,
             reads Rays, scatters Listed, uniform Batch, updates Deferred;
         /// The triangles that every ray that the kernel before deferred may meet.
-        ListTrianglesRetry "list_triangles_retry", Invocations(Rays, 64) =>
+        ListTrianglesRetry "list_triangles_retry", Few(Rays, 64) =>
             reads Nodes, reads LeafReferences, reads Triangles, uniform Scene,
             reads Rays, scatters Listed, uniform Batch, reads Deferred;
         /// How many surfaces every ray of the plain case crosses.
@@ -109,7 +109,7 @@ kernel_set! {
             reads Nodes, reads LeafReferences, reads Triangles, uniform Scene,
             reads Rays, updates Listed, uniform Batch, updates Deferred, writes Counted;
         /// How many surfaces every ray that the kernel before deferred crosses.
-        CountCrossingsRetry "count_crossings_retry", Invocations(Rays, 64) =>
+        CountCrossingsRetry "count_crossings_retry", Few(Rays, 64) =>
             reads Nodes, reads LeafReferences, reads Triangles, uniform Scene,
             reads Rays, updates Listed, uniform Batch, reads Deferred, scatters Counted;
         /// As `closest_hit`, through compressed nodes.
@@ -130,7 +130,7 @@ kernel_set! {
             reads Nodes, reads LeafReferences, reads Triangles, reads Instances,
             reads Rays, updates SceneHits, uniform SceneBatch, updates Deferred, reads Ways;
         /// The same of every ray that the kernel before deferred.
-        TraceInstancesRetry "trace_instances_retry", Invocations(Rays, 64) =>
+        TraceInstancesRetry "trace_instances_retry", Few(Rays, 64) =>
             reads Nodes, reads LeafReferences, reads Triangles, reads Instances,
             reads Rays, updates SceneHits, uniform SceneBatch, reads Deferred, reads Ways;
         /// The range of coordinates and sizes of the triangles.
@@ -176,9 +176,9 @@ impl QueryKernel {
         QueryKernel::TraceInstancesRetry,
     ];
 
-    /// Bytes of the list of deferred rays of a batch: a number, and an index for each.
+    /// Bytes of the list of deferred rays of a batch: a number, and for each an index and what is left of its walk.
     pub const fn deferred_bytes(rays: u32) -> u64 {
-        4 * (rays as u64 + 1)
+        4 + 16 * rays as u64
     }
 
     /// Bytes of an answer to a query: what its kernel writes for each ray.

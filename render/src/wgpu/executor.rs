@@ -42,6 +42,8 @@ impl DeviceSet for RayTracer {
         with_continued::<RayTracer>(kernel, continued)
     }
 
+    const FEW_RETRIES: bool = true;
+
     fn retry(kernel: Kernel, features: &RenderFeatures) -> Option<Text> {
         let name = splitplane_shaders::render_retry(kernel.name())?;
         Some(Text { name, parts: render_parts(name, features)?.into() })
@@ -184,7 +186,7 @@ impl Job for FrameJob<'_> {
         let grid = kernel.grid();
         let workgroups = match grid {
             Grid::One => 1,
-            Grid::Each(counter) | Grid::Invocations(counter, _) => {
+            Grid::Each(counter) | Grid::Invocations(counter, _) | Grid::Few(counter, _) => {
                 groups(self.gpu, kernel, grid.workgroups(self.most(counter)))
             }
         };

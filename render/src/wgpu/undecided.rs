@@ -4,7 +4,8 @@ use super::buffers::Buffers;
 use crate::error::RenderError;
 use crate::frame::FrameInput;
 use crate::kernel::{
-    Buffer, DEFERRED_HEAD, Kernel, UNDECIDED_PATHS, UNDECIDED_SHADOW_RAYS, UNDECIDED_WORDS,
+    Buffer, DEFERRED_HEAD, DEFERRED_WORDS, Kernel, UNDECIDED_PATHS, UNDECIDED_SHADOW_RAYS,
+    UNDECIDED_WORDS,
 };
 use crate::layout::Frame;
 use crate::plan::Plan;
@@ -103,7 +104,7 @@ impl<'a> Undecided<'a> {
         let room = plan.path_room().max(plan.shadow_room());
         let count = head[word as usize].min(room);
         let Some(answered) = buffers.get(answered).filter(|_| count > 0) else { return Ok(()) };
-        let at = 4 * u64::from(DEFERRED_HEAD + room);
+        let at = 4 * u64::from(DEFERRED_HEAD + DEFERRED_WORDS * room);
         let bytes = 4 * u64::from(count * UNDECIDED_WORDS);
         let records = words(&read_by(wait, self.gpu, list, at, bytes).await?);
         let mut left: Vec<Left> =

@@ -16,6 +16,9 @@ fn line(kernel: Kernel) -> String {
         Grid::One => "one".to_owned(),
         Grid::Each(counter) => words(counter),
         Grid::Invocations(counter, width) => format!("{}, {width} a workgroup", words(counter)),
+        Grid::Few(counter, width) => {
+            format!("{}, {width} a workgroup or more", words(counter))
+        }
     };
     let list = |wanted: fn(Access) -> bool| {
         let named = kernel.bindings().filter(|binding| wanted(binding.access));

@@ -145,7 +145,7 @@ pub(crate) fn grid_faults<S: Shaders>(parsed: &Parsed, kernel: S::Kernel) -> Vec
     let entry = parsed.module.entry_points.first();
     let size = entry.map_or([0; 3], |entry| entry.workgroup_size);
     match S::kernel(kernel).grid {
-        Grid::Invocations(_, width) if size != [width, 1, 1] => {
+        Grid::Invocations(_, width) | Grid::Few(_, width) if size != [width, 1, 1] => {
             vec![format!("workgroups of {size:?} in a grid of {width} a workgroup")]
         }
         _ => Vec::new(),
