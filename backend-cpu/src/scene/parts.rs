@@ -9,6 +9,7 @@ use splitplane_core::scene::{GeometryId, SceneOptions, ShapeTree};
 
 use crate::accelerator::CpuAccelerator;
 use crate::simd::InstructionSet;
+use crate::trace::prepare::ScaleRecord;
 
 /// What all meshes of a scene have in common.
 #[derive(Clone, Copy, Debug)]
@@ -29,12 +30,15 @@ pub(super) enum Reached<'a> {
     Shapes(&'a ShapeTree),
 }
 
+/// What rays meet in a geometry, if there is one of the name, and what preparing them for a mesh needs.
+type Listed<'a> = Option<(Reached<'a>, ScaleRecord)>;
+
 /// What rays meet in a scene's geometries, by name.
 pub(super) struct Geometries<'a> {
     scene: &'a BuiltScene,
-    set: InstructionSet,
+    pub(super) set: InstructionSet,
     /// All of them; `None` where they are looked up one by one.
-    listed: Option<Vec<Option<Reached<'a>>>>,
+    listed: Option<Vec<Listed<'a>>>,
     /// Entries of the longest stack that a ray needs in one of them.
     pub(super) stack: usize,
     pub(super) layout: QueryLayout,
@@ -99,11 +103,16 @@ impl<'a> Geometries<'a> {
             return Ok(Geometries { scene, set, listed: None, stack, layout });
         }
         let mut listed = Vec::new();
-        let bytes = names * size_of::<Option<Reached<'_>>>();
+        let bytes = names * size_of::<Listed<'_>>();
         listed.try_reserve_exact(names).map_err(|_| refused(bytes as u64))?;
         listed.extend((0..names as u32).map(|name| {
             let geometry = scene.geometry(GeometryId(name));
-            geometry.and_then(|geometry| reached(geometry, set))
+            let reached = geometry.and_then(|geometry| reached(geometry, set))?;
+            let scale = match reached {
+                Reached::Triangles(own) => ScaleRecord::new(own.parts().1),
+                Reached::Shapes(_) => ScaleRecord::NONE,
+            };
+            Some((reached, scale))
         }));
         Ok(Geometries { scene, set, listed: Some(listed), stack, layout })
     }
@@ -112,8 +121,23 @@ impl<'a> Geometries<'a> {
     #[inline]
     pub(super) fn get(&self, geometry: GeometryId) -> Option<Reached<'a>> {
         match &self.listed {
-            Some(listed) => *listed.get(geometry.0 as usize)?,
+            Some(listed) => listed.get(geometry.0 as usize)?.as_ref().map(|(reached, _)| *reached),
             None => reached(self.scene.geometry(geometry)?, self.set),
         }
+    }
+
+    /// Whether they are all at hand, so that [`Geometries::get_with_scale`] finds them.
+    pub(super) fn are_listed(&self) -> bool {
+        self.listed.is_some()
+    }
+
+    /// What a geometry's rays meet, and what preparing them for a mesh needs.
+    #[inline]
+    pub(super) fn get_with_scale(
+        &self,
+        geometry: GeometryId,
+    ) -> Option<(Reached<'a>, &ScaleRecord)> {
+        let (reached, scale) = self.listed.as_ref()?.get(geometry.0 as usize)?.as_ref()?;
+        Some((*reached, scale))
     }
 }

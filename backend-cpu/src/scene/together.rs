@@ -6,7 +6,7 @@
 //! prepared by vectors, and take their steps in the mesh in turn. The roundings of
 //! intervals are those of the core's test of a box, so no ray misses an instance that could have a hit, and hits do not depend on the way.
 
-mod way;
+pub(super) mod way;
 
 use core::marker::PhantomData;
 use std::collections::TryReserveError;
@@ -20,7 +20,6 @@ use self::way::{Entry, Way, range};
 use super::found::Found;
 use super::parts::{Geometries, Reached};
 use super::seen::WorldRay;
-use super::top_walk::ALIKE_MOST;
 use crate::memory::{boxed, lengthen};
 use crate::simd::{Compiled, Simd};
 use crate::trace::batch::{Answers, RayBatch};
@@ -35,7 +34,7 @@ const FEW: u32 = 8;
 pub(super) struct Room {
     flight: Box<Flight>,
     stack: Vec<Entry>,
-    way: Box<Way>,
+    pub(super) way: Box<Way>,
 }
 
 impl Room {
@@ -55,7 +54,7 @@ impl Room {
     }
 }
 
-/// Rays, as many as are prepared at once.
+/// Rays, as many as are prepared at once, of which the way has been loaded; none is unusual.
 pub(super) struct Together<'a, 'b, T, L> {
     pub(super) scene: &'a BuiltScene,
     pub(super) geometries: &'b Geometries<'a>,
@@ -75,16 +74,12 @@ impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for Together<'a, '_, T, L> {
         let Together { scene, geometries, options, rays, answers, room, .. } = self;
         let Room { flight, stack, way } = room;
         let tree = scene.top_tree();
-        let (nodes, reach, bounds) = (tree.nodes(), tree.reach(), tree.bounds());
+        let (nodes, bounds) = (tree.nodes(), tree.bounds());
         let mut extents = 0.0;
         for axis in 0..3 {
             extents += bounds.hi[axis] - bounds.lo[axis];
         }
-        if nodes.is_empty() || reach > ALIKE_MOST {
-            return None;
-        }
-        // SAFETY: the caller's contract.
-        if !unsafe { way.take::<S>(rays, (reach, extents)) } {
+        if nodes.is_empty() || !way.goes_together(extents) {
             return None;
         }
         answers.fill(T::NONE);
