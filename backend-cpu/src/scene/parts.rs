@@ -8,6 +8,7 @@ use splitplane_core::error::{QueryError, refused};
 use splitplane_core::scene::{GeometryId, SceneOptions, ShapeTree};
 
 use crate::accelerator::CpuAccelerator;
+use crate::layout::tree_layout::TreeLayout;
 use crate::simd::InstructionSet;
 use crate::trace::prepare::ScaleRecord;
 
@@ -30,8 +31,16 @@ pub(super) enum Reached<'a> {
     Shapes(&'a ShapeTree),
 }
 
-/// What rays meet in a geometry, if there is one of the name, and what preparing them for a mesh needs.
-type Listed<'a> = Option<(Reached<'a>, ScaleRecord)>;
+/// A geometry of the list.
+#[derive(Clone, Copy)]
+pub(super) struct Listed<'a> {
+    /// What preparing rays for its mesh needs.
+    pub(super) scale: ScaleRecord,
+    /// Its mesh's layout, where that is not empty.
+    pub(super) layout: Option<&'a TreeLayout>,
+    /// What rays meet; `None` where there is no geometry of the name.
+    pub(super) reached: Option<Reached<'a>>,
+}
 
 /// What rays meet in a scene's geometries, by name.
 pub(super) struct Geometries<'a> {
@@ -107,12 +116,16 @@ impl<'a> Geometries<'a> {
         listed.try_reserve_exact(names).map_err(|_| refused(bytes as u64))?;
         listed.extend((0..names as u32).map(|name| {
             let geometry = scene.geometry(GeometryId(name));
-            let reached = geometry.and_then(|geometry| reached(geometry, set))?;
-            let scale = match reached {
-                Reached::Triangles(own) => ScaleRecord::new(own.parts().1),
-                Reached::Shapes(_) => ScaleRecord::NONE,
-            };
-            Some((reached, scale))
+            let reached = geometry.and_then(|geometry| reached(geometry, set));
+            let none = Listed { scale: ScaleRecord::NONE, layout: None, reached };
+            match reached {
+                Some(Reached::Triangles(own)) => {
+                    let (layout, scale) = own.parts();
+                    let layout = (!layout.wide.lines().is_empty()).then_some(layout);
+                    Listed { scale: ScaleRecord::new(scale), layout, reached }
+                }
+                _ => none,
+            }
         }));
         Ok(Geometries { scene, set, listed: Some(listed), stack, layout })
     }
@@ -121,23 +134,13 @@ impl<'a> Geometries<'a> {
     #[inline]
     pub(super) fn get(&self, geometry: GeometryId) -> Option<Reached<'a>> {
         match &self.listed {
-            Some(listed) => listed.get(geometry.0 as usize)?.as_ref().map(|(reached, _)| *reached),
+            Some(listed) => listed.get(geometry.0 as usize)?.reached,
             None => reached(self.scene.geometry(geometry)?, self.set),
         }
     }
 
-    /// Whether they are all at hand, so that [`Geometries::get_with_scale`] finds them.
-    pub(super) fn are_listed(&self) -> bool {
-        self.listed.is_some()
-    }
-
-    /// What a geometry's rays meet, and what preparing them for a mesh needs.
-    #[inline]
-    pub(super) fn get_with_scale(
-        &self,
-        geometry: GeometryId,
-    ) -> Option<(Reached<'a>, &ScaleRecord)> {
-        let (reached, scale) = self.listed.as_ref()?.get(geometry.0 as usize)?.as_ref()?;
-        Some((*reached, scale))
+    /// All of them, by name; `None` where they are looked up one by one.
+    pub(super) fn listed(&self) -> Option<&[Listed<'a>]> {
+        self.listed.as_deref()
     }
 }

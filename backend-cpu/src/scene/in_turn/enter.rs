@@ -141,23 +141,19 @@ impl<'b> Shared<'b> {
         let geometry = placement.instance.geometry;
         (lane.instance, lane.geometry, lane.best) = (instance, geometry, BestHit::NONE);
         let options = &self.asked[asked.culling as usize % self.asked.len()];
-        let Some((reached, scale)) = self.geometries.get_with_scale(geometry) else { return false };
-        let layout = match reached {
-            Reached::Triangles(accelerator) => accelerator.parts().0,
-            Reached::Shapes(shapes) => {
+        let Some(listed) = self.listed.get(geometry.0 as usize) else { return false };
+        let Some(layout) = listed.layout else {
+            if let Some(Reached::Shapes(shapes)) = listed.reached {
                 *entered += 1;
                 let seen =
                     &seen_by(placement, &self.rays[lane.index as usize], &lane.answer.best());
                 lane.best.hit = shapes.trace(seen, options, T::QUERY, |_| true);
                 // SAFETY: the caller's contract.
                 unsafe { lane.take::<S>(self.rays, self.top_room) };
-                return false;
             }
+            return false;
         };
         let Some(leaves) = L::of(layout) else { return false };
-        if layout.wide.lines().is_empty() {
-            return false;
-        }
         *entered += 1;
         (lane.lines, lane.leaves) = (layout.wide.lines().as_ptr(), Some(leaves));
         lane.options = options;
@@ -169,7 +165,7 @@ impl<'b> Shared<'b> {
         group.rays.0[place][RECORD - 1] = lane.limit;
         // SAFETY: the way is the first of a placement's numbers, of which there are more than 16.
         group.ways.0[place] = unsafe { (&raw const *placement).cast::<[f32; 16]>().read() };
-        group.scales.0[place] = scale.0;
+        group.scales.0[place] = listed.scale.0;
         true
     }
 }

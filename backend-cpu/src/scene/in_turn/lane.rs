@@ -11,12 +11,12 @@ use crate::trace::block_test::BestHit;
 use crate::trace::ray_state::RayState;
 
 /// Rays under way.
-pub(in crate::scene) const LANES: usize = 32;
+pub(super) const LANES: usize = 32;
 
 /// A ray as the tree over instances tests it: see [`VectorRay`](crate::scene::top_walk::VectorRay), for boxes that are all widened alike. A cache line.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
-pub(in crate::scene) struct TurnRay {
+pub(super) struct TurnRay {
     pub(super) reciprocal: [f32; 3],
     pub(super) enter: f32,
     pub(super) first: [f32; 3],
@@ -29,7 +29,7 @@ pub(in crate::scene) struct TurnRay {
 
 impl TurnRay {
     /// Its words.
-    pub(in crate::scene) const WORDS: usize = size_of::<TurnRay>() / 4;
+    pub(super) const WORDS: usize = size_of::<TurnRay>() / 4;
 
     /// No ray.
     pub(super) const NONE: TurnRay = TurnRay {
@@ -99,7 +99,7 @@ pub(super) struct Lane<'a, T, L> {
 }
 
 impl<T: SceneAnswer, L> Lane<'_, T, L> {
-    /// No ray, with its stacks.
+    /// No ray, with its stacks, whose lowest entries are the ends.
     pub(super) fn new(top_stack: *mut u32, stack: *mut u32) -> Self {
         Lane {
             ray_state: RayState::none(),
