@@ -25,6 +25,7 @@ use crate::simd::InstructionSet;
 
 mod counting;
 mod found;
+mod in_turn;
 mod overlaps;
 mod parts;
 mod seen;

@@ -8,7 +8,9 @@ use splitplane_core::error::{QueryError, refused};
 use splitplane_core::scene::{GeometryId, SceneOptions, ShapeTree};
 
 use crate::accelerator::CpuAccelerator;
+use crate::layout::tree_layout::TreeLayout;
 use crate::simd::InstructionSet;
+use crate::trace::prepare::ScaleRecord;
 
 /// What all meshes of a scene have in common.
 #[derive(Clone, Copy, Debug)]
@@ -29,12 +31,23 @@ pub(super) enum Reached<'a> {
     Shapes(&'a ShapeTree),
 }
 
+/// A geometry of the list.
+#[derive(Clone, Copy)]
+pub(super) struct Listed<'a> {
+    /// What preparing rays for its mesh needs.
+    pub(super) scale: ScaleRecord,
+    /// Its mesh's layout, where that is not empty.
+    pub(super) layout: Option<&'a TreeLayout>,
+    /// What rays meet; `None` where there is no geometry of the name.
+    pub(super) reached: Option<Reached<'a>>,
+}
+
 /// What rays meet in a scene's geometries, by name.
 pub(super) struct Geometries<'a> {
     scene: &'a BuiltScene,
-    set: InstructionSet,
+    pub(super) set: InstructionSet,
     /// All of them; `None` where they are looked up one by one.
-    listed: Option<Vec<Option<Reached<'a>>>>,
+    listed: Option<Vec<Listed<'a>>>,
     /// Entries of the longest stack that a ray needs in one of them.
     pub(super) stack: usize,
     pub(super) layout: QueryLayout,
@@ -99,11 +112,20 @@ impl<'a> Geometries<'a> {
             return Ok(Geometries { scene, set, listed: None, stack, layout });
         }
         let mut listed = Vec::new();
-        let bytes = names * size_of::<Option<Reached<'_>>>();
+        let bytes = names * size_of::<Listed<'_>>();
         listed.try_reserve_exact(names).map_err(|_| refused(bytes as u64))?;
         listed.extend((0..names as u32).map(|name| {
             let geometry = scene.geometry(GeometryId(name));
-            geometry.and_then(|geometry| reached(geometry, set))
+            let reached = geometry.and_then(|geometry| reached(geometry, set));
+            let none = Listed { scale: ScaleRecord::NONE, layout: None, reached };
+            match reached {
+                Some(Reached::Triangles(own)) => {
+                    let (layout, scale) = own.parts();
+                    let layout = (!layout.wide.lines().is_empty()).then_some(layout);
+                    Listed { scale: ScaleRecord::new(scale), layout, reached }
+                }
+                _ => none,
+            }
         }));
         Ok(Geometries { scene, set, listed: Some(listed), stack, layout })
     }
@@ -112,8 +134,13 @@ impl<'a> Geometries<'a> {
     #[inline]
     pub(super) fn get(&self, geometry: GeometryId) -> Option<Reached<'a>> {
         match &self.listed {
-            Some(listed) => *listed.get(geometry.0 as usize)?,
+            Some(listed) => listed.get(geometry.0 as usize)?.reached,
             None => reached(self.scene.geometry(geometry)?, self.set),
         }
+    }
+
+    /// All of them, by name; `None` where they are looked up one by one.
+    pub(super) fn listed(&self) -> Option<&[Listed<'a>]> {
+        self.listed.as_deref()
     }
 }

@@ -1,5 +1,6 @@
 //! One ray per call through a scene: from instance to instance, by the geometries' own traversals of one ray.
 
+use core::marker::PhantomData;
 use core::mem::MaybeUninit;
 
 use splitplane_core::backend::scene::{Asked, BuiltScene, SceneAnswer, seen_by};
@@ -37,11 +38,12 @@ impl SceneSingle<'_> {
     pub(super) unsafe fn follow<T: SceneAnswer>(self) -> Followed<T> {
         let set = self.set;
         // SAFETY: the caller's contract.
-        unsafe { set.run(Following(self, core::marker::PhantomData)) }
+        unsafe { set.run(Following(self, PhantomData)) }
     }
 }
 
-struct Following<'a, T>(SceneSingle<'a>, core::marker::PhantomData<T>);
+/// The task of following it.
+pub(super) struct Following<'a, T>(pub(super) SceneSingle<'a>, pub(super) PhantomData<T>);
 
 impl<T: SceneAnswer> Compiled for Following<'_, T> {
     type Output = Followed<T>;

@@ -18,9 +18,9 @@ use splitplane_core::scene::{
 
 use super::counting::{Counting, EveryHit, KeptHits};
 use super::found::Found;
+use super::in_turn::{InTurn, serves};
 use super::parts::{Geometries, Reached, all_count};
 use super::seen::WorldRay;
-use super::together::{Room, Together};
 use super::top_walk::{VectorRay, next};
 use crate::layout::wide_node::{CacheLine, DONE};
 use crate::memory::lengthen;
@@ -28,7 +28,6 @@ use crate::simd::{Compiled, Simd, prefetch};
 use crate::trace::block_test::BestHit;
 use crate::trace::keep::Keep;
 use crate::trace::leaves::{IndexedLeaves, PackedLeaves};
-use crate::trace::prepare::CHUNK;
 use crate::trace::prepare_one::Readiness;
 use crate::trace::queues::{FLIGHT, Queues, Turn};
 use crate::trace::ray_state::{RayState, ScalarOutcome};
@@ -44,8 +43,9 @@ pub(super) struct SceneStream<'a, T> {
     pub(super) options: &'a SceneOptions<'a>,
 }
 
-/// Whether rays that go the same way are followed together. A page loads what that takes, a tenth of all it loads for rays: there they are not.
-const TOGETHER: bool = !cfg!(target_family = "wasm");
+/// Whether watertight rays whose hits all count have a way of their own ([`InTurn`]). A page loads what that takes, more than a tenth of all it loads for rays:
+/// there they do not.
+const IN_TURN: bool = !cfg!(target_family = "wasm");
 
 /// Whether scenes all of whose hits count have functions of their own.
 const EVERY_HIT: bool = !cfg!(target_family = "wasm");
@@ -56,9 +56,19 @@ impl<T: SceneAnswer> Compiled for SceneStream<'_, T> {
 
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> Result<Followed, TryReserveError> {
+        let all = all_count(self.scene, self.options);
+        let usual = all && self.options.accuracy == Accuracy::Watertight;
         // SAFETY: the caller's contract.
         unsafe {
-            match (self.geometries.layout, all_count(self.scene, self.options)) {
+            match (self.geometries.layout, all) {
+                (QueryLayout::Compact, _) if IN_TURN && usual && serves(&self) => {
+                    let of = PhantomData::<IndexedLeaves<'_>>;
+                    S::call(InTurn { stream: self, of })
+                }
+                (_, _) if IN_TURN && usual && serves(&self) => {
+                    let of = PhantomData::<PackedLeaves<'_>>;
+                    S::call(InTurn { stream: self, of })
+                }
                 // A page loads each of these: there a layout has one, which tells each hit whether it counts.
                 (QueryLayout::Compact, true) if EVERY_HIT => {
                     S::call(Flying::<T, IndexedLeaves<'_>, EveryHit>::new(self))
@@ -165,12 +175,6 @@ impl<'a, T: SceneAnswer, L: Found<'a>, C: Counting> Compiled for Flying<'a, T, L
                 }
             };
         }
-        let usual = C::Keep::ALL && options.accuracy == Accuracy::Watertight;
-        let mut together = if TOGETHER && usual && rays.len() >= CHUNK {
-            Some(Room::new(top_room, room)?)
-        } else {
-            None
-        };
         let (nodes, reach) = (scene.top_tree().nodes(), scene.top_tree().reach());
         let placements = scene.all_placements();
         let (mut following, mut entered) = (0usize, 0u64);
@@ -188,20 +192,6 @@ impl<'a, T: SceneAnswer, L: Found<'a>, C: Counting> Compiled for Flying<'a, T, L
                         if lane.index != RayState::NO_RAY {
                             answers[lane.index as usize] = lane.answer;
                             lane.index = RayState::NO_RAY;
-                        }
-                        while TOGETHER
-                            && following % CHUNK == 0
-                            && let Some(room) = &mut together
-                            && let Some(rays) = rays[following..].get(..CHUNK)
-                        {
-                            let answers = &mut answers[following..][..CHUNK];
-                            let of = PhantomData::<L>;
-                            let asked =
-                                Together { scene, geometries, options, rays, answers, room, of };
-                            // SAFETY: the caller's contract.
-                            let Some(more) = (unsafe { S::call(asked) }) else { break };
-                            entered += more;
-                            following += CHUNK;
                         }
                         let Some(ray) = rays.get(following) else { break };
                         following += 1;
@@ -320,9 +310,6 @@ impl<'a, T: SceneAnswer, L: Found<'a>, C: Counting> Compiled for Flying<'a, T, L
                 queues.wait(number, turn);
             }
             if queues.is_empty() {
-                if let Some(room) = together {
-                    room.give_back();
-                }
                 return Ok(Followed { entered, rejected: rejected.get() });
             }
             for number in queues.take(Turn::Node) {

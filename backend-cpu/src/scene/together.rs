@@ -6,8 +6,6 @@
 //! prepared by vectors, and take their steps in the mesh in turn. The roundings of
 //! intervals are those of the core's test of a box, so no ray misses an instance that could have a hit, and hits do not depend on the way.
 
-mod way;
-
 use core::marker::PhantomData;
 use std::collections::TryReserveError;
 
@@ -16,11 +14,10 @@ use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Hit, Ray, Rays};
 use splitplane_core::scene::{InstanceId, SceneOptions, TOP_WIDTH};
 
-use self::way::{Entry, Way, range};
 use super::found::Found;
+use super::in_turn::way::{Entry, Way, range};
 use super::parts::{Geometries, Reached};
 use super::seen::WorldRay;
-use super::top_walk::ALIKE_MOST;
 use crate::memory::{boxed, lengthen};
 use crate::simd::{Compiled, Simd};
 use crate::trace::batch::{Answers, RayBatch};
@@ -35,7 +32,7 @@ const FEW: u32 = 8;
 pub(super) struct Room {
     flight: Box<Flight>,
     stack: Vec<Entry>,
-    way: Box<Way>,
+    pub(super) way: Box<Way>,
 }
 
 impl Room {
@@ -55,7 +52,7 @@ impl Room {
     }
 }
 
-/// Rays, as many as are prepared at once.
+/// Rays, as many as are prepared at once, of which the way has been loaded; they go the same way.
 pub(super) struct Together<'a, 'b, T, L> {
     pub(super) scene: &'a BuiltScene,
     pub(super) geometries: &'b Geometries<'a>,
@@ -67,26 +64,15 @@ pub(super) struct Together<'a, 'b, T, L> {
 }
 
 impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for Together<'a, '_, T, L> {
-    /// How many instances they entered, all together; `None`, and nothing is answered, where they do not go the same way.
-    type Output = Option<u64>;
+    /// How many instances they entered, all together.
+    type Output = u64;
 
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn run<S: Simd>(self) -> Option<u64> {
+    unsafe fn run<S: Simd>(self) -> u64 {
         let Together { scene, geometries, options, rays, answers, room, .. } = self;
         let Room { flight, stack, way } = room;
         let tree = scene.top_tree();
-        let (nodes, reach, bounds) = (tree.nodes(), tree.reach(), tree.bounds());
-        let mut extents = 0.0;
-        for axis in 0..3 {
-            extents += bounds.hi[axis] - bounds.lo[axis];
-        }
-        if nodes.is_empty() || reach > ALIKE_MOST {
-            return None;
-        }
-        // SAFETY: the caller's contract.
-        if !unsafe { way.take::<S>(rays, (reach, extents)) } {
-            return None;
-        }
+        let nodes = tree.nodes();
         answers.fill(T::NONE);
         let mut entered = 0;
         let stack = stack.as_mut_ptr();
@@ -170,7 +156,7 @@ impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for Together<'a, '_, T, L> {
                 way.all.stop = range(&way.stop)[1];
             }
         }
-        Some(entered)
+        entered
     }
 }
 

@@ -356,6 +356,37 @@ impl Simd for Avx2 {
         }
     }
     #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn push_nearest_last(
+        children: *const u32,
+        t: __m256,
+        mask: __m256,
+        to_children: *mut u32,
+        to_t: *mut f32,
+    ) -> usize {
+        unsafe {
+            // A lane's number in the last bits, so that it goes where its number goes. Lanes that are not in the mask come last.
+            let lanes = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+            let keys = _mm256_andnot_ps(_mm256_castsi256_ps(_mm256_set1_epi32(7)), t);
+            let keys = _mm256_or_ps(keys, _mm256_castsi256_ps(lanes));
+            let keys = _mm256_blendv_ps(_mm256_set1_ps(f32::NEG_INFINITY), keys, mask);
+            // A bitonic network, the greatest first.
+            let keys = exchanged::<0b1010_1010>(keys, _mm256_permute_ps::<0b10_11_00_01>(keys));
+            let keys = exchanged::<0b1100_1100>(keys, _mm256_permute_ps::<0b00_01_10_11>(keys));
+            let keys = exchanged::<0b1010_1010>(keys, _mm256_permute_ps::<0b10_11_00_01>(keys));
+            let back = _mm256_setr_epi32(7, 6, 5, 4, 3, 2, 1, 0);
+            let keys = exchanged::<0b1111_0000>(keys, _mm256_permutevar8x32_ps(keys, back));
+            let keys = exchanged::<0b1100_1100>(keys, _mm256_permute_ps::<0b01_00_11_10>(keys));
+            let keys = exchanged::<0b1010_1010>(keys, _mm256_permute_ps::<0b10_11_00_01>(keys));
+            // Of places only the last three bits count.
+            let places = _mm256_castps_si256(keys);
+            _mm256_storeu_ps(to_t, _mm256_permutevar8x32_ps(t, places));
+            let all = _mm256_loadu_si256(children.cast());
+            let all = _mm256_permutevar8x32_epi32(all, places);
+            _mm256_storeu_si256(to_children.cast(), all);
+            _mm256_movemask_ps(mask).count_ones() as usize
+        }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn call<T: Compiled>(task: T) -> T::Output {
         unsafe { in_its_own_function(task) }
     }
@@ -371,6 +402,15 @@ unsafe fn lanes_at(bits: u32) -> __m256i {
         let lanes = LANES_OF.get_unchecked(bits as usize & 0xff).as_ptr();
         _mm256_cvtepu8_epi32(_mm_loadl_epi64(lanes.cast()))
     }
+}
+
+/// The lesser of two numbers in the lanes of `LESSER`, the greater in the others.
+///
+/// # Safety
+/// The processor must have the set.
+#[cfg_attr(not(unoptimised), inline(always))]
+unsafe fn exchanged<const LESSER: i32>(a: __m256, b: __m256) -> __m256 {
+    unsafe { _mm256_blend_ps::<LESSER>(_mm256_max_ps(a, b), _mm256_min_ps(a, b)) }
 }
 
 /// The lesser of whole numbers of 64 bits.

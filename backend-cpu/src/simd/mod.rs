@@ -242,6 +242,38 @@ pub(crate) trait Simd: ReferenceOps + Copy {
         }
     }
 
+    /// Writes the children of a mask, of eight, to the end of a stack with the `t` of each, the least `t` last. Those that differ by less than 2^-20 of
+    /// themselves may be exchanged. `N` elements are written in all. Only for sets of eight lanes. No `t` of the mask is below the least finite number, or no
+    /// number.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn push_nearest_last(
+        children: *const u32,
+        t: Self::Floats,
+        mask: Self::Mask,
+        to_children: *mut u32,
+        to_t: *mut f32,
+    ) -> usize {
+        let mut row = [0.0; MOST_LANES];
+        // SAFETY: the caller's contract; no set has more lanes.
+        unsafe {
+            Self::store(row.as_mut_ptr(), t);
+            let (mut left, mut end) = (Self::bits(mask), 0);
+            while left != 0 {
+                let lane = left.trailing_zeros() as usize;
+                left &= left - 1;
+                let (t, mut at) = (*row.get_unchecked(lane), end);
+                while at > 0 && *to_t.add(at - 1) <= t {
+                    *to_t.add(at) = *to_t.add(at - 1);
+                    *to_children.add(at) = *to_children.add(at - 1);
+                    at -= 1;
+                }
+                (*to_t.add(at), *to_children.add(at)) = (t, *children.add(lane));
+                end += 1;
+            }
+            end
+        }
+    }
+
     /// Does a task in a function of its own, compiled for the set.
     #[inline(never)]
     unsafe fn call<T: Compiled>(task: T) -> T::Output {

@@ -20,7 +20,7 @@ use crate::simd::{MOST_LANES, Simd};
 pub(crate) const CHUNK: usize = 32;
 
 /// A number of each ray.
-pub(crate) type PerRay<T> = [T; CHUNK];
+pub(crate) type PerRay<T, const N: usize = CHUNK> = [T; N];
 
 /// The numbers of rays one after the other, and how many each has.
 #[cfg_attr(not(unoptimised), inline(always))]
@@ -36,70 +36,156 @@ pub(crate) const RECORD: usize = 8;
 /// Numbers of a row.
 const ROW: usize = 6;
 
-/// Rays prepared together; see [`PreparedRay`] and [`RayState`] for the fields.
-#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+/// What preparing rays needs of the meshes that they enter, by the places of its numbers in a [`ScaleRecord`].
+pub(crate) trait Scales {
+    /// A number of a ray's mesh.
+    fn number(&self, place: usize, ray: usize) -> f32;
+
+    /// Whether all rays need more care.
+    fn is_wide(&self) -> bool;
+
+    /// Whether there is nothing to be met.
+    fn is_empty(&self) -> bool;
+}
+
+/// The numbers of a [`SceneScale`], as many as a cache line has.
+#[derive(Clone, Copy)]
 #[repr(C, align(64))]
-pub(crate) struct PreparedRays {
+pub(crate) struct ScaleRecord(pub(crate) [f32; RECORD_OF_SCALE]);
+
+/// Numbers of a [`ScaleRecord`].
+pub(crate) const RECORD_OF_SCALE: usize = 16;
+const LO: usize = 0;
+const HI: usize = 3;
+const NEAR_LO: usize = 6;
+const NEAR_HI: usize = 9;
+const SLACK: usize = 12;
+const BASE_SLACK: usize = 13;
+const ORIGIN: usize = 14;
+/// Not 0 for a mesh that the vector code does not handle.
+pub(crate) const WIDE: usize = 15;
+
+impl ScaleRecord {
+    /// No mesh.
+    pub(crate) const NONE: ScaleRecord = ScaleRecord([0.0; RECORD_OF_SCALE]);
+
+    /// The numbers of a mesh's scale.
+    pub(crate) fn new(scale: &SceneScale) -> ScaleRecord {
+        ScaleRecord(core::array::from_fn(|place| match place {
+            WIDE => f32::from(u8::from(scale.wide)),
+            _ => scale.number(place, 0),
+        }))
+    }
+}
+
+impl Scales for SceneScale {
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn number(&self, place: usize, _: usize) -> f32 {
+        match place {
+            LO..HI => self.bounds.lo[place - LO],
+            HI..NEAR_LO => self.bounds.hi[place - HI],
+            NEAR_LO..NEAR_HI => self.near.lo[place - NEAR_LO],
+            NEAR_HI..SLACK => self.near.hi[place - NEAR_HI],
+            SLACK => self.slack,
+            BASE_SLACK => self.base_slack,
+            _ => self.origin_least,
+        }
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn is_wide(&self) -> bool {
+        self.wide
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn is_empty(&self) -> bool {
+        self.bounds.is_empty()
+    }
+}
+
+/// The records of meshes that rays enter, each ray its own, by rows. None of the meshes is empty; which are wide is for the caller to look at.
+impl<const N: usize> Scales for [PerRay<f32, N>; RECORD_OF_SCALE] {
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn number(&self, place: usize, ray: usize) -> f32 {
+        self[place][ray]
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn is_wide(&self) -> bool {
+        false
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn is_empty(&self) -> bool {
+        false
+    }
+}
+
+/// Rays prepared together; see [`PreparedRay`] and [`RayState`] for the fields.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+pub(crate) struct PreparedRays<const N: usize = CHUNK> {
     // Row by row the words of a `RayState`.
-    pub reciprocal: [PerRay<f32>; 3],
-    pub enter: PerRay<f32>,
-    pub near: [PerRay<f32>; 3],
-    pub exit: PerRay<f32>,
-    pub exit_reciprocal: [PerRay<f32>; 3],
-    pub octant: PerRay<u32>,
-    pub far: [PerRay<f32>; 3],
-    index: PerRay<u32>,
-    pub sheared_origin: [PerRay<f32>; 3],
-    pub shear: [PerRay<f32>; 3],
-    pub t_min: PerRay<f32>,
-    pub t_max: PerRay<f32>,
-    pub limits: [PerRay<f32>; 2],
-    pub axes: PerRay<u32>,
-    pub exponent: PerRay<i32>,
-    pub direction: [PerRay<f32>; 3],
-    offset: PerRay<f32>,
+    pub reciprocal: [PerRay<f32, N>; 3],
+    pub enter: PerRay<f32, N>,
+    pub near: [PerRay<f32, N>; 3],
+    pub exit: PerRay<f32, N>,
+    pub exit_reciprocal: [PerRay<f32, N>; 3],
+    pub octant: PerRay<u32, N>,
+    pub far: [PerRay<f32, N>; 3],
+    index: PerRay<u32, N>,
+    pub sheared_origin: [PerRay<f32, N>; 3],
+    pub shear: [PerRay<f32, N>; 3],
+    pub t_min: PerRay<f32, N>,
+    pub t_max: PerRay<f32, N>,
+    pub limits: [PerRay<f32, N>; 2],
+    pub axes: PerRay<u32, N>,
+    pub exponent: PerRay<i32, N>,
+    pub direction: [PerRay<f32, N>; 3],
+    offset: PerRay<f32, N>,
     // Further fields.
-    pub origin: [PerRay<f32>; 3],
+    pub origin: [PerRay<f32, N>; 3],
     /// 1 for a ray that may hit something.
-    pub alive: PerRay<u32>,
+    pub alive: PerRay<u32, N>,
     /// 1 for a ray that the scalar code must prepare.
-    pub special: PerRay<u32>,
+    pub special: PerRay<u32, N>,
     /// 1 for a ray with an origin coordinate so small that it was taken as 0.
-    pub shifted: PerRay<u32>,
+    pub shifted: PerRay<u32, N>,
 }
 
 const _: () = assert!(core::mem::offset_of!(PreparedRays, origin) == RAY_STATE_WORDS * 4 * CHUNK);
+const _: () = assert!(size_of::<PreparedRays>() == (RAY_STATE_WORDS + 6) * 4 * CHUNK);
 
 /// The numbers of one lane.
 #[cfg_attr(not(unoptimised), inline(always))]
-fn three(rows: &[PerRay<f32>; 3], lane: usize) -> [f32; 3] {
+fn three<const N: usize>(rows: &[PerRay<f32, N>; 3], lane: usize) -> [f32; 3] {
     [rows[0][lane], rows[1][lane], rows[2][lane]]
 }
 
-impl PreparedRays {
+impl<const N: usize> PreparedRays<N> {
     /// Space for as many rays.
-    pub(crate) const NONE: PreparedRays = PreparedRays {
-        reciprocal: [[0.0; CHUNK]; 3],
-        near: [[0.0; CHUNK]; 3],
-        far: [[0.0; CHUNK]; 3],
-        enter: [0.0; CHUNK],
-        exit: [0.0; CHUNK],
-        octant: [0; CHUNK],
-        sheared_origin: [[0.0; CHUNK]; 3],
-        shear: [[0.0; CHUNK]; 3],
-        t_min: [0.0; CHUNK],
-        t_max: [0.0; CHUNK],
-        axes: [0; CHUNK],
-        exponent: [0; CHUNK],
-        limits: [[0.0; CHUNK]; 2],
-        direction: [[0.0; CHUNK]; 3],
-        exit_reciprocal: [[0.0; CHUNK]; 3],
-        index: [0; CHUNK],
-        offset: [0.0; CHUNK],
-        origin: [[0.0; CHUNK]; 3],
-        alive: [0; CHUNK],
-        special: [0; CHUNK],
-        shifted: [0; CHUNK],
+    pub(crate) const NONE: PreparedRays<N> = PreparedRays {
+        reciprocal: [[0.0; N]; 3],
+        near: [[0.0; N]; 3],
+        far: [[0.0; N]; 3],
+        enter: [0.0; N],
+        exit: [0.0; N],
+        octant: [0; N],
+        sheared_origin: [[0.0; N]; 3],
+        shear: [[0.0; N]; 3],
+        t_min: [0.0; N],
+        t_max: [0.0; N],
+        axes: [0; N],
+        exponent: [0; N],
+        limits: [[0.0; N]; 2],
+        direction: [[0.0; N]; 3],
+        exit_reciprocal: [[0.0; N]; 3],
+        index: [0; N],
+        offset: [0.0; N],
+        origin: [[0.0; N]; 3],
+        alive: [0; N],
+        special: [0; N],
+        shifted: [0; N],
     };
 
     /// The states of the rays.
@@ -107,8 +193,8 @@ impl PreparedRays {
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(crate) unsafe fn ray_states<S: Simd>(&self, ray_states: &mut [RayState; CHUNK]) {
-        for lane in (0..CHUNK).step_by(S::N) {
+    pub(crate) unsafe fn ray_states<S: Simd>(&self, ray_states: &mut [RayState; N]) {
+        for lane in (0..N).step_by(S::N) {
             // SAFETY: the caller's contract.
             unsafe { self.some_ray_states::<S>(lane, ray_states) };
         }
@@ -122,7 +208,7 @@ impl PreparedRays {
     pub(crate) unsafe fn some_ray_states<S: Simd>(
         &self,
         lane: usize,
-        ray_states: &mut [RayState; CHUNK],
+        ray_states: &mut [RayState; N],
     ) {
         let rows = (&raw const *self).cast::<f32>();
         let to = ray_states.as_mut_ptr().cast::<f32>();
@@ -131,21 +217,11 @@ impl PreparedRays {
             // that size.
             unsafe {
                 S::transpose(
-                    rows.add(first * CHUNK + lane),
-                    CHUNK,
+                    rows.add(first * N + lane),
+                    N,
                     to.add(lane * RAY_STATE_WORDS + first),
                     RAY_STATE_WORDS,
                 );
-            }
-        }
-    }
-
-    /// Writes the numbers of the ray of one lane to other lanes.
-    pub(crate) fn repeat(&mut self, one: usize, lanes: u32) {
-        let rows: &mut [PerRay<u32>] = bytemuck::cast_slice_mut(core::slice::from_mut(self));
-        for row in rows {
-            for lane in (0..CHUNK).filter(|lane| lanes >> lane & 1 != 0) {
-                row[lane] = row[one];
             }
         }
     }
@@ -169,78 +245,31 @@ impl PreparedRays {
         }
     }
 
-    /// Prepares the first [`CHUNK`] of some rays; lanes without a ray are not alive. `first` is the
-    /// place of the first in its batch.
-    ///
-    /// # Safety
-    /// The processor must have the set.
-    #[cfg_attr(not(unoptimised), inline(always))]
-    pub(crate) unsafe fn fill<S: Simd>(
-        &mut self,
-        rays: Rays<'_>,
-        scene: &SceneScale,
-        first: usize,
-        query: Query,
-    ) {
-        let count = rays.len().min(CHUNK);
-        let (numbers, each) = numbers(&rays);
-        // More than is used, since whole vectors are read.
-        let mut room;
-        let from = if numbers.len() >= (CHUNK - 1) * each + MOST_LANES {
-            numbers
-        } else {
-            room = [0.0; (CHUNK + 1) * RECORD];
-            room[..count * each].copy_from_slice(&numbers[..count * each]);
-            &room
-        };
-        let mut given = [[0.0f32; CHUNK]; MOST_LANES];
-        for lane in (0..CHUNK).step_by(S::N) {
-            let to = given.as_flattened_mut()[lane..].as_mut_ptr();
-            // SAFETY: the caller's contract; a vector from the last ray's first number on is there, and rows for all
-            // columns that a vector takes. Each by a distance that the compiler knows.
-            unsafe {
-                match rays {
-                    Rays::Records(_) => {
-                        S::transpose(from.as_ptr().add(lane * RECORD), RECORD, to, CHUNK);
-                    }
-                    Rays::Rows { .. } => {
-                        S::transpose(from.as_ptr().add(lane * ROW), ROW, to, CHUNK);
-                    }
-                }
-            }
-        }
-        if let Rays::Rows { t_min, t_max, .. } = rays {
-            given.copy_within(3..6, 4);
-            (given[3], given[7]) = ([t_min; CHUNK], [t_max; CHUNK]);
-        }
-        let rows = given.first_chunk().expect("more rows than numbers");
-        self.fill_rows(rows, count, scene, first, query);
-    }
-
     /// Prepares rays of which rows have the numbers, in the order of records; of the lanes the first `count`.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) fn fill_rows(
         &mut self,
-        given: &[PerRay<f32>; RECORD],
+        given: &[PerRay<f32, N>; RECORD],
         count: usize,
-        scene: &SceneScale,
+        scene: &impl Scales,
         first: usize,
         query: Query,
     ) {
         let [ox, oy, oz, given_t_min, dx, dy, dz, given_t_max] = given;
         let (origins, directions) = ([ox, oy, oz], [dx, dy, dz]);
-        let mut alive = [1u32; CHUNK];
-        let mut special = [u32::from(scene.wide); CHUNK];
-        let mut largest = [0.0f32; CHUNK];
-        self.shifted = [0; CHUNK];
+        let mut alive = [1u32; N];
+        let mut special = [u32::from(scene.is_wide()); N];
+        let mut largest = [0.0f32; N];
+        self.shifted = [0; N];
         for axis in 0..3 {
-            for i in 0..CHUNK {
+            for i in 0..N {
                 let (o, d) = (origins[axis][i], directions[axis][i]);
                 alive[i] &= u32::from(o.abs() <= f32::MAX) & u32::from(d.abs() <= f32::MAX);
                 let o = snap(o);
-                let near = (scene.near.lo[axis] <= o) & (o <= scene.near.hi[axis]);
+                let near =
+                    (scene.number(NEAR_LO + axis, i) <= o) & (o <= scene.number(NEAR_HI + axis, i));
                 special[i] |= u32::from(!near) | u32::from(o.abs() > COORDINATE_MOST);
-                let taken = if o.abs() < ORIGIN_LEAST { scene.origin_least } else { o };
+                let taken = if o.abs() < ORIGIN_LEAST { scene.number(ORIGIN, i) } else { o };
                 self.origin[axis][i] = taken;
                 self.shifted[i] |= u32::from(o != taken);
                 let d = snap(d);
@@ -248,8 +277,8 @@ impl PreparedRays {
                 largest[i] = if d.abs() > largest[i] { d.abs() } else { largest[i] };
             }
         }
-        let mut to_unit = [0.0f32; CHUNK];
-        for i in 0..CHUNK {
+        let mut to_unit = [0.0f32; N];
+        for i in 0..N {
             let (t_min, t_max) = (given_t_min[i], given_t_max[i]);
             (self.limits[0][i], self.limits[1][i]) = (t_min, t_max);
             alive[i] &= u32::from(t_min <= t_max) & u32::from(largest[i] > 0.0);
@@ -266,18 +295,18 @@ impl PreparedRays {
             self.exit[i] = self.t_max[i] + self.t_max[i].abs() * STOP_SLACK;
         }
         for axis in 0..3 {
-            for i in 0..CHUNK {
+            for i in 0..N {
                 let d = snap((self.direction[axis][i] * to_unit[i]).clamp(-f32::MAX, f32::MAX));
                 self.direction[axis][i] = d;
                 let least = if d < 0.0 { -DIRECTION_LEAST } else { DIRECTION_LEAST };
                 let r = 1.0 / if d.abs() < DIRECTION_LEAST { least } else { d };
                 self.reciprocal[axis][i] = r;
                 // Below 2^38 * 2^80: no scene that the vector code handles is wide.
-                let slack = scene.slack * r.abs();
+                let slack = scene.number(SLACK, i) * r.abs();
                 self.exit_reciprocal[axis][i] = r * EXIT_FACTOR;
                 let o = self.origin[axis][i];
-                let (low, high) =
-                    ((scene.bounds.lo[axis] - o) * r, (scene.bounds.hi[axis] - o) * r);
+                let low = (scene.number(LO + axis, i) - o) * r;
+                let high = (scene.number(HI + axis, i) - o) * r;
                 let (near, far) = if d < 0.0 { (high, low) } else { (low, high) };
                 let near = near - (near.abs() * PLANE_SLACK + slack);
                 let far = far + (far.abs() * PLANE_SLACK + slack);
@@ -286,10 +315,10 @@ impl PreparedRays {
             }
         }
         for axis in 0..3 {
-            for i in 0..CHUNK {
+            for i in 0..N {
                 let reach = behind(self.enter[i], self.exit[i]);
                 let origin = self.origin[axis][i] * self.reciprocal[axis][i];
-                let slack = scene.base_slack * self.reciprocal[axis][i].abs();
+                let slack = scene.number(BASE_SLACK, i) * self.reciprocal[axis][i].abs();
                 let slack = (slack + origin.abs() * ORIGIN_SLACK) + reach;
                 self.near[axis][i] = origin + slack;
                 self.far[axis][i] = (origin - slack) * EXIT_FACTOR;
@@ -297,7 +326,7 @@ impl PreparedRays {
         }
         let (first_index, any) = (first as u32, query == Query::Any);
         let [dx, dy, dz] = &self.direction;
-        for i in 0..CHUNK {
+        for i in 0..N {
             let (x, y, z) = (dx[i], dy[i], dz[i]);
             let from_x = y.abs() <= x.abs();
             let greater = if from_x { x.abs() } else { y.abs() };
@@ -364,12 +393,75 @@ impl PreparedRays {
             self.alive[i] = alive[i];
             self.special[i] = special[i] & alive[i];
         }
-        if scene.bounds.is_empty() {
-            self.alive = [0; CHUNK];
+        if scene.is_empty() {
+            self.alive = [0; N];
         }
-        for i in count..CHUNK {
+        for i in count..N {
             self.alive[i] = 0;
         }
+    }
+}
+
+impl PreparedRays {
+    /// Writes the numbers of the ray of one lane to other lanes.
+    pub(crate) fn repeat(&mut self, one: usize, lanes: u32) {
+        let count = size_of::<PreparedRays>() / size_of::<PerRay<u32>>();
+        // SAFETY: rows of words and nothing else, as its size says.
+        let rows = unsafe { core::slice::from_raw_parts_mut((&raw mut *self).cast(), count) };
+        let rows: &mut [PerRay<u32>] = rows;
+        for row in rows {
+            for lane in (0..CHUNK).filter(|lane| lanes >> lane & 1 != 0) {
+                row[lane] = row[one];
+            }
+        }
+    }
+
+    /// Prepares the first [`CHUNK`] of some rays; lanes without a ray are not alive. `first` is the
+    /// place of the first in its batch.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) unsafe fn fill<S: Simd>(
+        &mut self,
+        rays: Rays<'_>,
+        scene: &SceneScale,
+        first: usize,
+        query: Query,
+    ) {
+        let count = rays.len().min(CHUNK);
+        let (numbers, each) = numbers(&rays);
+        // More than is used, since whole vectors are read.
+        let mut room;
+        let from = if numbers.len() >= (CHUNK - 1) * each + MOST_LANES {
+            numbers
+        } else {
+            room = [0.0; (CHUNK + 1) * RECORD];
+            room[..count * each].copy_from_slice(&numbers[..count * each]);
+            &room
+        };
+        let mut given = [[0.0f32; CHUNK]; MOST_LANES];
+        for lane in (0..CHUNK).step_by(S::N) {
+            let to = given.as_flattened_mut()[lane..].as_mut_ptr();
+            // SAFETY: the caller's contract; a vector from the last ray's first number on is there, and rows for all
+            // columns that a vector takes. Each by a distance that the compiler knows.
+            unsafe {
+                match rays {
+                    Rays::Records(_) => {
+                        S::transpose(from.as_ptr().add(lane * RECORD), RECORD, to, CHUNK);
+                    }
+                    Rays::Rows { .. } => {
+                        S::transpose(from.as_ptr().add(lane * ROW), ROW, to, CHUNK);
+                    }
+                }
+            }
+        }
+        if let Rays::Rows { t_min, t_max, .. } = rays {
+            given.copy_within(3..6, 4);
+            (given[3], given[7]) = ([t_min; CHUNK], [t_max; CHUNK]);
+        }
+        let rows = given.first_chunk().expect("more rows than numbers");
+        self.fill_rows(rows, count, scene, first, query);
     }
 }
 

@@ -169,8 +169,29 @@ impl RayState {
     pub(crate) const NO_RAY: u32 = u32::MAX;
 
     /// No ray.
+    pub(crate) const NONE: RayState = RayState {
+        reciprocal: [0.0; 3],
+        enter: 0.0,
+        near: [0.0; 3],
+        stop: 0.0,
+        exit_reciprocal: [0.0; 3],
+        octant: 0,
+        far: [0.0; 3],
+        index: RayState::NO_RAY,
+        origin: [0.0; 3],
+        shear: [0.0; 3],
+        t_min: 0.0,
+        t_max: 0.0,
+        limits: [0.0; 2],
+        axes: 0,
+        exponent: 0,
+        direction: [0.0; 3],
+        offset: 0.0,
+    };
+
+    /// No ray.
     pub(crate) fn none() -> RayState {
-        RayState { index: RayState::NO_RAY, ..bytemuck::Zeroable::zeroed() }
+        RayState::NONE
     }
 
     /// The axes that shearing calls x, y and z.

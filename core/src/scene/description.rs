@@ -12,18 +12,20 @@ use crate::mesh::Mesh;
 use crate::ray::Culling;
 
 /// An instance: a geometry, placed in the world.
+// What queries read comes first: see `Placement`.
+#[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Instance {
     /// The geometry.
     pub geometry: GeometryId,
-    /// From the object's space to the world.
-    pub transform: Transform,
     /// Rays enter the instance when a bit of theirs is in this mask.
     pub mask: u32,
-    /// A number of the user's, which means nothing here.
-    pub id: u32,
     /// The side of its triangles that this instance ignores, whatever the query; seen in the world.
     pub culling: Culling,
+    /// A number of the user's, which means nothing here.
+    pub id: u32,
+    /// From the object's space to the world.
+    pub transform: Transform,
 }
 
 impl Instance {

@@ -7,13 +7,14 @@ use super::world_box::WorldBox;
 use crate::aabb::Aabb;
 use crate::ray::Culling;
 
-/// What queries need of an instance.
+/// What queries need of an instance. What a ray that enters it reads is in one cache line: the inverse, the geometry, the mask, and culling.
+#[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
-    /// The instance as described.
-    pub instance: Instance,
     /// The way into the object's space.
     pub space: ObjectSpace,
+    /// The instance as described.
+    pub instance: Instance,
     /// The geometry's box, in the object's space.
     pub bounds: Aabb,
     /// The box in the world; `None` for an instance of a geometry without triangles, which nothing enters.

@@ -24,6 +24,7 @@ pub(crate) type Defect = [[f64; 4]; 3];
 ///
 /// The inverse is made in `f64`, by cofactors in a stated order, and rounded to `f32` once; components below 2^-126
 /// are +0. It is the same on every platform, and part of the digest of a scene.
+#[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ObjectSpace {
     /// From the world to the object.

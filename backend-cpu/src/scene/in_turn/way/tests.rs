@@ -17,7 +17,8 @@ for_every_set! {
         let stack = stack.as_mut_ptr();
         // SAFETY: the set is one of this processor's; the tree's nodes, and a stack for it.
         unsafe {
-            if !way.take::<S>(rays, (tree.reach(), 1e9)) {
+            let rays = rays.first_chunk().expect("as many as go together");
+            if way.load::<S>(rays, tree.reach()) != u32::MAX || !way.goes_together(1e9) {
                 return None;
             }
             if fault {

@@ -8,55 +8,60 @@ use splitplane_core::scene::{
     TopNode, TopRay,
 };
 
+use super::lane::TurnRay;
 use crate::scene::top_walk::{PRODUCT_MOST, Planes};
 use crate::simd::{MOST_LANES, Simd};
 use crate::trace::prepare::{CHUNK, PerRay, RECORD};
 
 /// Slopes of rays that go the same way differ by less than this, parts of the greatest component, on all axes together.
-const SLOPE_SPREAD: f32 = 0.4;
+const SLOPE_SPREAD: f32 = 0.2;
 /// Their origins differ by less than this part of the extents of all instances together.
 const ORIGIN_SPREAD: f32 = 1.0;
 
 /// A child of a node that some ray may enter.
 #[derive(Clone, Copy)]
-pub(super) struct Entry {
-    pub(super) enter: f32,
+pub(in crate::scene) struct Entry {
+    pub(in crate::scene) enter: f32,
     node: u32,
     slot: u32,
 }
 
 /// Rays by rows, as the tree over instances tests them, and what holds for all of them.
-pub(super) struct Way {
+pub(in crate::scene) struct Way {
     /// Snapped.
     origin: [PerRay<f32>; 3],
     direction: [PerRay<f32>; 3],
-    pub(super) t_min: PerRay<f32>,
+    pub(in crate::scene) t_min: PerRay<f32>,
     /// Up to their best hits; lower than all others for rays that are done.
-    pub(super) limit: PerRay<f32>,
+    pub(in crate::scene) limit: PerRay<f32>,
     reciprocal: [PerRay<f32>; 3],
     /// What is taken from a plane times the reciprocal.
     first: [PerRay<f32>; 3],
     last: [PerRay<f32>; 3],
     enter: PerRay<f32>,
-    pub(super) stop: PerRay<f32>,
+    pub(in crate::scene) stop: PerRay<f32>,
+    /// The greatest component of the origin.
+    distance: PerRay<f32>,
+    /// What boxes are widened by, per unit of that.
+    widen: f32,
     planes: Planes,
-    pub(super) all: Interval,
+    pub(in crate::scene) all: Interval,
 }
 
 /// Bounds that hold for all rays.
 #[derive(Clone, Copy)]
-pub(super) struct Interval {
+pub(in crate::scene) struct Interval {
     /// What is taken from the planes that come first, and last, so that the distance is the least, and the greatest.
     first: [f32; 3],
     last: [f32; 3],
     reciprocal: [[f32; 2]; 3],
     enter: f32,
-    pub(super) stop: f32,
+    pub(in crate::scene) stop: f32,
 }
 
 /// The least and the greatest of a row.
 #[cfg_attr(not(unoptimised), inline(always))]
-pub(super) fn range(row: &PerRay<f32>) -> [f32; 2] {
+pub(in crate::scene) fn range(row: &PerRay<f32>) -> [f32; 2] {
     let (mut least, mut most) = ([row[0]; MOST_LANES], [row[0]; MOST_LANES]);
     for first in (0..CHUNK).step_by(MOST_LANES) {
         for lane in 0..MOST_LANES {
@@ -80,12 +85,12 @@ pub(super) fn range(row: &PerRay<f32>) -> [f32; 2] {
 
 impl Entry {
     /// No entry.
-    pub(super) const NONE: Entry = Entry { enter: 0.0, node: 0, slot: 0 };
+    pub(in crate::scene) const NONE: Entry = Entry { enter: 0.0, node: 0, slot: 0 };
 }
 
 impl Way {
     /// No rays.
-    pub(super) const NONE: Way = Way {
+    pub(in crate::scene) const NONE: Way = Way {
         origin: [[0.0; CHUNK]; 3],
         direction: [[0.0; CHUNK]; 3],
         t_min: [0.0; CHUNK],
@@ -95,6 +100,8 @@ impl Way {
         last: [[0.0; CHUNK]; 3],
         enter: [0.0; CHUNK],
         stop: [0.0; CHUNK],
+        distance: [0.0; CHUNK],
+        widen: 0.0,
         planes: Planes::NONE,
         all: Interval {
             first: [0.0; 3],
@@ -105,24 +112,19 @@ impl Way {
         },
     };
 
-    /// Takes rays. False where they do not go the same way, or one of them is unusual.
+    /// Takes rays. Returns those that are not unusual, as bits.
     ///
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(super) unsafe fn take<S: Simd>(
+    pub(in crate::scene) unsafe fn load<S: Simd>(
         &mut self,
-        rays: &[Ray],
-        (reach, extents): (f32, f32),
-    ) -> bool {
-        let (one, other) = (&rays[0].direction, &rays[CHUNK - 1].direction);
-        // Where rays go all ways, two are enough to detect it.
-        if (0..3).any(|axis| (one[axis] < 0.0) != (other[axis] < 0.0)) {
-            return false;
-        }
+        rays: &[Ray; CHUNK],
+        reach: f32,
+    ) -> u32 {
         // More than is used, since whole vectors are read.
         let mut numbers = [0.0; CHUNK * RECORD + MOST_LANES];
-        numbers[..CHUNK * RECORD].copy_from_slice(bytemuck::cast_slice(&rays[..CHUNK]));
+        numbers[..CHUNK * RECORD].copy_from_slice(bytemuck::cast_slice(rays));
         let mut given = [[0.0; CHUNK]; MOST_LANES];
         for lane in (0..CHUNK).step_by(S::N) {
             let to = given.as_flattened_mut()[lane..].as_mut_ptr();
@@ -164,15 +166,62 @@ impl Way {
                 self.last[axis][i] = from - reach * widening;
             }
         }
-        let mut all = 1;
+        (self.distance, self.widen) = (distance, reach);
+        let mut all = 0;
         for i in 0..CHUNK {
-            all &= usual[i];
+            all |= usual[i] << i;
         }
-        if all == 0 {
-            return false;
+        all
+    }
+
+    /// The rays as they are followed each by itself.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(super) unsafe fn top_rays<S: Simd>(&self, to: &mut [TurnRay; CHUNK]) {
+        let mut rows = [[0.0; CHUNK]; TurnRay::WORDS];
+        for axis in 0..3 {
+            rows[axis] = self.reciprocal[axis];
+            rows[4 + axis] = self.first[axis];
+            rows[8 + axis] = self.last[axis];
+        }
+        (rows[3], rows[7]) = (self.enter, self.stop);
+        let [x, y, z] = &self.reciprocal;
+        for i in 0..CHUNK {
+            let octant =
+                u32::from(x[i] < 0.0) | u32::from(y[i] < 0.0) << 1 | u32::from(z[i] < 0.0) << 2;
+            rows[11][i] = f32::from_bits(octant);
+        }
+        let to = to.as_mut_ptr().cast::<f32>();
+        for lane in (0..CHUNK).step_by(S::N) {
+            for first in (0..TurnRay::WORDS).step_by(S::N) {
+                // SAFETY: the caller's contract; a row for each word, and as many words for each ray.
+                unsafe {
+                    let from = rows.as_flattened().as_ptr().add(first * CHUNK + lane);
+                    S::transpose(
+                        from,
+                        CHUNK,
+                        to.add(lane * TurnRay::WORDS + first),
+                        TurnRay::WORDS,
+                    );
+                }
+            }
+        }
+    }
+
+    /// Whether the rays, none of which is unusual, go the same way. The extents are those of all instances.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(in crate::scene) fn goes_together(&mut self, extents: f32) -> bool {
+        for axis in 0..3 {
+            // Where rays go all ways, two are enough to detect it.
+            let [one, .., other] = &self.direction[axis];
+            if (*one < 0.0) != (*other < 0.0) {
+                return false;
+            }
         }
         let (mut slopes, mut origins, mut greatest) = (0.0, 0.0, 0.0f32);
-        let wide = reach * range(&distance)[1];
+        let wide = self.widen * range(&self.distance)[1];
         for axis in 0..3 {
             let [low, high] = range(&self.origin[axis]);
             origins += high - low;
@@ -200,7 +249,7 @@ impl Way {
     /// # Safety
     /// The processor must have the set, which must have eight lanes; the stack must have space for eight entries.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(super) unsafe fn step<S: Simd>(
+    pub(in crate::scene) unsafe fn step<S: Simd>(
         &self,
         node: &TopNode,
         index: u32,
@@ -276,7 +325,7 @@ impl Way {
     /// The processor must have the set. The nodes must be all those of a tree, and the stack must have the entries that it needs and as many more as
     /// a node has children; of them `top` have been written by this function, or by [`Way::step`] for the root.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(super) unsafe fn next<S: Simd>(
+    pub(in crate::scene) unsafe fn next<S: Simd>(
         &self,
         nodes: &[TopNode],
         stack: *mut Entry,
@@ -311,7 +360,7 @@ impl Way {
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(super) unsafe fn seen_by<S: Simd>(
+    pub(in crate::scene) unsafe fn seen_by<S: Simd>(
         &self,
         placement: &Placement,
         seen: &mut [PerRay<f32>; 8],
@@ -345,7 +394,7 @@ impl Way {
 impl Way {
     /// Takes a hit of a ray, if it is better than its best. True if it is.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(super) fn improve<T: SceneAnswer>(
+    pub(in crate::scene) fn improve<T: SceneAnswer>(
         &mut self,
         answer: &mut T,
         (ray, lane): (&Ray, usize),
