@@ -758,11 +758,7 @@ fn planted_faults_are_seen() {
         ("deep stacks are not deferred", "entry < STACK_STEP + SHORT_ENTRIES", "true"),
         ("what is set aside is lost", "return aside.x != 0u;", "return false;"),
         ("the second that is set aside is lost", "aside.y = name;", ""),
-        (
-            "the best is not taken along",
-            "best_aside = select(0u, triangle + 1u, found);",
-            "best_aside = 0u;",
-        ),
+        ("the best is not taken along", "best_aside = best + 1u;", "best_aside = 0u;"),
         (
             "what is open is taken for far",
             "if candidate.weights.x > before.stop {",

@@ -8,7 +8,7 @@
 @group(0) @binding(1) var<storage, read> counters: array<u32, 8>;
 @group(0) @binding(2) var<storage, read> nodes: array<vec2<u32>>;
 @group(0) @binding(3) var<storage, read> leaf_references: array<u32>;
-@group(0) @binding(4) var<storage, read> triangles: array<TriangleWords>;
+@group(0) @binding(4) var<storage, read> triangles: array<f32>;
 @group(0) @binding(5) var<storage, read> parts: array<Part>;
 @group(0) @binding(6) var<storage, read_write> children: array<array<Part, 8>>;
 @group(0) @binding(7) var<storage, read_write> child_counts: array<vec2<u32>>;

@@ -5,7 +5,7 @@
 @group(0) @binding(0) var<storage, read> nodes: array<vec2<u32>>;
 // Triangle indices, named by leaves.
 @group(0) @binding(1) var<storage, read> leaf_references: array<u32>;
-// Snapped corners, nine numbers a triangle: an element each, or a number (`TriangleWords`).
-@group(0) @binding(2) var<storage, read> triangles: array<TriangleWords>;
+// Snapped corners, nine numbers a triangle.
+@group(0) @binding(2) var<storage, read> triangles: array<f32>;
 // What queries know of the scene as a whole.
 @group(0) @binding(3) var<uniform> scene: Scene;

@@ -112,3 +112,8 @@ fn searched_closely(
 ) -> Search {
     return before;
 }
+
+// The best triangle so far, for what is left of a walk.
+fn best_triangle(search: Search) -> u32 {
+    return select(NO_TRIANGLE, search.triangle, search.found);
+}

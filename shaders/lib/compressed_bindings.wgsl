@@ -5,6 +5,6 @@
 // Triangle indices, named by leaves.
 @group(0) @binding(1) var<storage, read> compressed_references: array<u32>;
 // Snapped corners, nine numbers a triangle.
-@group(0) @binding(2) var<storage, read> triangles: array<TriangleWords>;
+@group(0) @binding(2) var<storage, read> triangles: array<f32>;
 // What queries know of the scene as a whole.
 @group(0) @binding(3) var<uniform> scene: Scene;

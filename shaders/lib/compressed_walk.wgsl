@@ -237,7 +237,7 @@ fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
     if !loops_run() || (!(any && search.found) && (top ^ opaque_zero) >= STACK_STEP) {
         return Hit(GREATEST, UNFINISHED, 0.0, 0.0);
     }
-    if !(any && search.found) && leaves_aside(search.found, search.triangle) {
+    if !(any && search.found) && leaves_aside(best_triangle(search)) {
         return Hit(GREATEST, UNSETTLED, 0.0, 0.0);
     }
     return search_hit(search, prepared);

@@ -1,8 +1,5 @@
 // The triangles of the mesh. Needs the binding `triangles`: nine words a triangle, snapped.
 
-// An element of the binding: a triangle, so that its words lie at constant offsets from one address.
-alias TriangleWords = array<f32, 9>;
-
 // Three corners.
 struct Triangle {
     a: vec3<f32>,
@@ -12,9 +9,10 @@ struct Triangle {
 
 // The corners of a triangle.
 fn corners_of(triangle: u32) -> Triangle {
+    let first = triangle * 9u;
     return Triangle(
-        vec3<f32>(triangles[triangle][0], triangles[triangle][1], triangles[triangle][2]),
-        vec3<f32>(triangles[triangle][3], triangles[triangle][4], triangles[triangle][5]),
-        vec3<f32>(triangles[triangle][6], triangles[triangle][7], triangles[triangle][8]),
+        vec3<f32>(triangles[first], triangles[first + 1u], triangles[first + 2u]),
+        vec3<f32>(triangles[first + 3u], triangles[first + 4u], triangles[first + 5u]),
+        vec3<f32>(triangles[first + 6u], triangles[first + 7u], triangles[first + 8u]),
     );
 }

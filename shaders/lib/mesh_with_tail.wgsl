@@ -1,9 +1,6 @@
 // The triangles of the mesh where one binding does not hold them, for kernels that have none to spare: what the binding `triangles`
 // lacks stands behind the words of the scene. In place of mesh.wgsl.
 
-// An element of the binding: a word, since it may end within a triangle.
-alias TriangleWords = f32;
-
 // Three corners.
 struct Triangle {
     a: vec3<f32>,

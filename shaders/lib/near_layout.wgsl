@@ -23,7 +23,7 @@ struct NearBatch {
 // Triangle indices, named by leaves.
 @group(0) @binding(1) var<storage, read> leaf_references: array<u32>;
 // Snapped corners, nine numbers a triangle.
-@group(0) @binding(2) var<storage, read> triangles: array<TriangleWords>;
+@group(0) @binding(2) var<storage, read> triangles: array<f32>;
 @group(0) @binding(3) var<uniform> near_batch: NearBatch;
 
 // In place of the number of triangles: the driver did not let the query finish; there is no room for what it needs.

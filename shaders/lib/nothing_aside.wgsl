@@ -5,7 +5,7 @@ fn set_aside(triangle: u32) -> bool {
     return false;
 }
 
-fn leaves_aside(found: bool, triangle: u32) -> bool {
+fn leaves_aside(best: u32) -> bool {
     return false;
 }
 

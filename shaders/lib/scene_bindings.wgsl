@@ -6,7 +6,7 @@
 // Triangle indices among all triangles, named by leaves.
 @group(0) @binding(1) var<storage, read> leaf_references: array<u32>;
 // Snapped corners, nine numbers a triangle.
-@group(0) @binding(2) var<storage, read> triangles: array<TriangleWords>;
+@group(0) @binding(2) var<storage, read> triangles: array<f32>;
 // Eight times four words an instance.
 @group(0) @binding(3) var<storage, read> instances: array<vec4<u32>>;
 // 32 bytes a ray: origin and t_min, direction and t_max. As bits, since limits may be infinite.

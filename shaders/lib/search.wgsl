@@ -114,3 +114,8 @@ fn search_hit(search: Search, ray: PreparedRay) -> Hit {
     let at = barycentric(ray, search.triangle, search.weights);
     return Hit(search.t, search.triangle, at.x, at.y);
 }
+
+// The best triangle so far, for what is left of a walk.
+fn best_triangle(search: Search) -> u32 {
+    return select(NO_TRIANGLE, search.triangle, search.found);
+}

@@ -23,9 +23,9 @@ fn set_aside(triangle: u32) -> bool {
     return false;
 }
 
-// Whether anything is left for another shader, at the end of a walk that has found this.
-fn leaves_aside(found: bool, triangle: u32) -> bool {
-    best_aside = select(0u, triangle + 1u, found);
+// Whether anything is left for another shader, at the end of a walk that has found this, or NO_TRIANGLE.
+fn leaves_aside(best: u32) -> bool {
+    best_aside = best + 1u;
     return aside.x != 0u;
 }
 

@@ -225,7 +225,7 @@ fn walk_ray(ray: Ray, options: QueryOptions, any: bool, root: u32) -> Hit {
     if !loops_run() || (!ended && (top ^ opaque_zero) >= STACK_STEP) {
         return Hit(GREATEST, UNFINISHED, 0.0, 0.0);
     }
-    if !ended && leaves_aside(search.found, search.triangle) {
+    if !ended && leaves_aside(best_triangle(search)) {
         return Hit(GREATEST, UNSETTLED, 0.0, 0.0);
     }
     return search_hit(search, prepared);

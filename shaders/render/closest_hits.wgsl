@@ -10,7 +10,7 @@
 @group(0) @binding(2) var<storage, read> rays: array<vec4<u32>>;
 // 16 bytes a hit. As bits, since the `t` of a miss is infinite.
 @group(0) @binding(3) var<storage, read_write> hits: array<vec4<u32>>;
-@group(0) @binding(6) var<storage, read> triangles: array<TriangleWords>;
+@group(0) @binding(6) var<storage, read> triangles: array<f32>;
 @group(0) @binding(7) var<uniform> scene: Scene;
 @group(0) @binding(8) var<storage, read_write> deferred_rays: array<atomic<u32>>;
 

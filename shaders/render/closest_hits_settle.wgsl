@@ -10,7 +10,7 @@
 @group(0) @binding(3) var<storage, read_write> hits: array<vec4<u32>>;
 @group(0) @binding(4) var<storage, read> nodes: array<vec2<u32>>;
 @group(0) @binding(5) var<storage, read> leaf_references: array<u32>;
-@group(0) @binding(6) var<storage, read> triangles: array<TriangleWords>;
+@group(0) @binding(6) var<storage, read> triangles: array<f32>;
 @group(0) @binding(7) var<uniform> scene: Scene;
 @group(0) @binding(8) var<storage, read_write> deferred_rays: array<atomic<u32>>;
 

@@ -11,7 +11,7 @@
 @group(0) @binding(4) var<storage, read_write> first_costs: array<FirstCost>;
 @group(0) @binding(5) var<storage, read> nodes: array<vec2<u32>>;
 @group(0) @binding(6) var<storage, read> leaf_references: array<u32>;
-@group(0) @binding(7) var<storage, read> triangles: array<TriangleWords>;
+@group(0) @binding(7) var<storage, read> triangles: array<f32>;
 @group(0) @binding(8) var<uniform> scene: Scene;
 
 @compute @workgroup_size(256)

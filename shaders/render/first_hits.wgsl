@@ -8,7 +8,7 @@
 @group(0) @binding(2) var<storage, read> rays: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read> paths: array<Path>;
 @group(0) @binding(4) var<storage, read> hits: array<vec4<u32>>;
-@group(0) @binding(5) var<storage, read> triangles: array<TriangleWords>;
+@group(0) @binding(5) var<storage, read> triangles: array<f32>;
 // Normal and depth; triangle and weights. As bits, since the depth of a miss is infinite.
 @group(0) @binding(6) var<storage, read_write> first_hits: array<vec4<u32>>;
 

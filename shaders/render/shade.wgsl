@@ -8,7 +8,7 @@
 @group(0) @binding(2) var<storage, read> rays: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read> paths: array<Path>;
 @group(0) @binding(4) var<storage, read> hits: array<vec4<u32>>;
-@group(0) @binding(5) var<storage, read> triangles: array<TriangleWords>;
+@group(0) @binding(5) var<storage, read> triangles: array<f32>;
 @group(0) @binding(6) var<storage, read> scene_words: array<u32>;
 @group(0) @binding(7) var<storage, read_write> surfaces: array<Surface>;
 @group(0) @binding(8) var<storage, read_write> spawned: array<Spawned>;

@@ -8,7 +8,7 @@
 @group(0) @binding(1) var<storage, read> counters: array<u32, 16>;
 @group(0) @binding(2) var<storage, read> shadow_rays: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read_write> shadow_light: array<vec4<f32>>;
-@group(0) @binding(6) var<storage, read> triangles: array<TriangleWords>;
+@group(0) @binding(6) var<storage, read> triangles: array<f32>;
 @group(0) @binding(7) var<uniform> scene: Scene;
 @group(0) @binding(8) var<storage, read_write> deferred_rays: array<atomic<u32>>;
 

@@ -6,7 +6,7 @@
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> counters: array<u32, 16>;
 @group(0) @binding(2) var<storage, read> paths: array<Path>;
-@group(0) @binding(3) var<storage, read> triangles: array<TriangleWords>;
+@group(0) @binding(3) var<storage, read> triangles: array<f32>;
 @group(0) @binding(4) var<storage, read> scene_words: array<u32>;
 @group(0) @binding(5) var<storage, read> surfaces: array<Surface>;
 @group(0) @binding(6) var<storage, read> spawned: array<Spawned>;
