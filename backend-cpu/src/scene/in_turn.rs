@@ -115,8 +115,8 @@ impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for InTurn<'a, T, L> {
                         answers,
                         entered,
                         of: PhantomData::<L>,
-                    })
-                };
+                    });
+                }
             }
             let (nodes, placements) = top;
             // SAFETY: the caller's contract; as many lanes; the tree's nodes, and stacks for it and for all meshes.

@@ -26,8 +26,9 @@ impl<T: SceneAnswer, L> Compiled for AtTop<'_, '_, T, L> {
         let AtTop { lanes, waiting, nodes, placements, room } = self;
         let mut left = *waiting;
         for number in lanes_of(core::mem::take(&mut left.top)) {
-            // SAFETY: the caller's contract; lanes are below LANES, children nodes of the tree; stacks have the space.
+            // SAFETY: the caller's contract; lanes are below LANES.
             let lane = unsafe { &mut *lanes.add(number) };
+            // SAFETY: the caller's contract; children are nodes of the tree; stacks have the space.
             let child = unsafe { step::<S::Eight, T, L>(lane, nodes, room) };
             let node = nodes.wrapping_add(child as usize) as usize;
             let placement = placements.wrapping_add((child & !TOP_INSTANCE) as usize) as usize;

@@ -181,11 +181,9 @@ impl Way {
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) unsafe fn top_rays<S: Simd>(&self, to: &mut [TurnRay; CHUNK]) {
         let mut rows = [[0.0; CHUNK]; TurnRay::WORDS];
-        for axis in 0..3 {
-            rows[axis] = self.reciprocal[axis];
-            rows[4 + axis] = self.first[axis];
-            rows[8 + axis] = self.last[axis];
-        }
+        rows[..3].copy_from_slice(&self.reciprocal);
+        rows[4..7].copy_from_slice(&self.first);
+        rows[8..11].copy_from_slice(&self.last);
         (rows[3], rows[7]) = (self.enter, self.stop);
         let [x, y, z] = &self.reciprocal;
         for i in 0..CHUNK {

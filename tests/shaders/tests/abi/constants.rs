@@ -98,6 +98,7 @@ const DEVICE_ONLY: &[(&str, Only, &str)] = &[
     ("INFINITY_BITS", word(0x7f80_0000), "WGSL has no infinity; the bits of `f32::INFINITY`"),
     ("UNFINISHED", word(u32::MAX - 1), "the CPU finishes every ray"),
     ("DEFERRED", word(u32::MAX - 3), "the CPU has one kernel for all rays"),
+    ("UNSETTLED", word(u32::MAX - 4), "the CPU has one kernel for all rays"),
     ("DEFERRED_PATHS", word(0), "the CPU has one kernel for all rays"),
     ("DEFERRED_SHADOW_RAYS", word(1), "the CPU has one kernel for all rays"),
     ("SIDE_OPEN", Only::Any, "an `Option` on the CPU"),
