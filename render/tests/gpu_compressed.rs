@@ -147,7 +147,7 @@ fn a_tracer_makes_them_after_every_build() {
 fn planted_faults_are_named() {
     use Kernel as K;
     let plants = [
-        (K::ClosestHits, "defer_ray(DEFERRED_PATHS, index);", ""),
+        (K::ClosestHits, "defer_ray(DEFERRED_PATHS, index, left_aside(hit));", ""),
         (K::ClosestHits, "child_of(entry.y, key & CHILD_PLACE)", "child_of(entry.y, 0u)"),
         (K::ShadowHits, "compressed_nodes[at + 4u]", "compressed_nodes[at + 3u]"),
         // What is behind glass.

@@ -138,7 +138,7 @@ fn planted_faults_are_named() {
         (K::CameraRays, "0x91e10da5u", "0x91e00da5u"),
         (K::FirstCosts, "counted.y += 1u", "counted.y += 2u"),
         (K::ClosestHits, "triangle < search.triangle", "triangle > search.triangle"),
-        (K::ClosestHits, "defer_ray(DEFERRED_PATHS, index);", ""),
+        (K::ClosestHits, "defer_ray(DEFERRED_PATHS, index, left_aside(hit));", ""),
         (K::ShadowHits, "hit.triangle == DEFERRED", "false"),
         (K::ShadowHitsThroughGlass, "defer_ray(DEFERRED_SHADOW_RAYS, index);", ""),
         (K::FirstHits, "dot3(normal, direction) > 0.0", "dot3(normal, direction) < 0.0"),
