@@ -13,6 +13,7 @@ use splitplane_core::ray::Accuracy;
 
 use super::batch::{Answers, RayBatch};
 use super::block_test::BestHit;
+use super::exact;
 use super::keep::KeepAll;
 use super::leaves::{IndexedLeaves, Leaves, PackedLeaves};
 use super::packet::Packet;
@@ -21,7 +22,7 @@ use super::queues::{FLIGHT, Queues, Turn};
 use super::ray_state::RayState;
 use super::sieve::{ExactLane, Reach};
 use super::step::TestContext;
-use super::supply::{SHARED_REACH, Supply};
+use super::supply::{EXACT_IN_TURN, Supply};
 use super::turns::{AtBlocks, AtNodes, Blocks, Lane, Lanes};
 use super::unfinished::Unfinished;
 use crate::layout::wide_node::DONE;
@@ -108,6 +109,15 @@ impl Compiled for Stream<'_> {
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> Result<(), TryReserveError> {
         let Stream { batch, mut answers } = self;
+        if !EXACT_IN_TURN && batch.options.accuracy == Accuracy::Exact {
+            let RayBatch { layout, scene, rays, options, query } = batch;
+            for index in 0..rays.len() {
+                let ray = rays.ray(index);
+                answers
+                    .set(index, exact::trace_in_f64(layout, &scene.bounds, &ray, options, query));
+            }
+            return Ok(());
+        }
         let mut flight = Flight::borrow(batch.layout.wide.stack())?;
         // SAFETY: the caller's contract; there is space.
         unsafe {
@@ -149,7 +159,7 @@ pub(super) unsafe fn fly<S: Simd, L: Leaves>(
     let test = TestContext { leaves, options, query, keep: KeepAll };
     let room = layout.wide.stack();
     let Flight { lanes, stacks, ready, ray_states, packet, .. } = flight;
-    let exactly = options.accuracy == Accuracy::Exact;
+    let exactly = EXACT_IN_TURN && options.accuracy == Accuracy::Exact;
     let bounds = [scene.bounds, layout.large.others];
     let errors = [[0.0; 2]; 2];
     let mut supply =
@@ -186,7 +196,7 @@ pub(super) unsafe fn fly<S: Simd, L: Leaves>(
             lane.best = BestHit::NONE;
             if exactly {
                 let RayState { t_min, t_max, .. } = *ray_state;
-                let reach = if moved || !SHARED_REACH {
+                let reach = if moved {
                     Reach::new(ray_state, &bounds)
                 } else {
                     Reach::with_errors(supply.errors, t_min, t_max)

@@ -14,11 +14,9 @@ use super::sieve::Reach;
 use super::{exact, reference};
 use crate::simd::{Simd, prefetch};
 
-/// Whether the sieve takes the reach of the farthest of the rays prepared together, which is found in vectors. A page would load what that takes.
-pub(super) const SHARED_REACH: bool = !cfg!(target_family = "wasm");
-
-/// Whether exact rays are traced in packets. A page would load what that takes.
-const EXACT_PACKETS: bool = !cfg!(target_family = "wasm");
+/// Whether exact rays take turns at all. In a browser each goes by itself in `f64` from the root on: what vectors take for it is more than a
+/// part may weigh.
+pub(super) const EXACT_IN_TURN: bool = !cfg!(target_family = "wasm");
 
 /// Where lanes get their rays: prepared 32 at a time.
 pub(super) struct Supply<'a> {
@@ -65,7 +63,7 @@ impl Supply<'_> {
             unsafe { self.ready.fill::<S>(rest, scene, start, query) };
             self.next += count;
             let ready = &*self.ready;
-            let shifts = u32::from(options.accuracy == Accuracy::Exact);
+            let shifts = u32::from(EXACT_IN_TURN && options.accuracy == Accuracy::Exact);
             let (mut special, mut alive) = (0, 0);
             for lane in 0..CHUNK {
                 let within = u32::from(ready.enter[lane] <= ready.exit[lane]);
@@ -84,7 +82,7 @@ impl Supply<'_> {
             // SAFETY: the caller's contract.
             unsafe { self.packets::<S>(start, rest, answers) };
             if self.left != 0 {
-                if shifts != 0 && SHARED_REACH {
+                if shifts != 0 {
                     // SAFETY: the caller's contract.
                     self.errors = Reach::errors(unsafe { self.reach::<S>() });
                 }
@@ -161,11 +159,11 @@ impl Supply<'_> {
         answers: &mut Answers<'_>,
     ) {
         let RayBatch { layout, scene, options, query, .. } = self.batch;
-        let exactly = options.accuracy == Accuracy::Exact;
+        let exactly = EXACT_IN_TURN && options.accuracy == Accuracy::Exact;
         #[cfg(target_family = "wasm")]
         let _ = given;
         // Packets test blocks in their stored form.
-        if (exactly && !EXACT_PACKETS) || IndexedLeaves::of(layout).is_some() {
+        if IndexedLeaves::of(layout).is_some() {
             return;
         }
         let sizes = if self.packet.keeps_together() { &[CHUNK, S::N][..] } else { &[S::N] };

@@ -15,6 +15,7 @@ use super::queues::{FLIGHT, Queues, Turn};
 use super::ray_state::RayState;
 use super::sieve::ExactLane;
 use super::step::{RayTest, TestContext, TestLeaf, TraversalStack, ask_for, step_in_turn};
+use super::supply::EXACT_IN_TURN;
 use crate::layout::wide_node::{CacheLine, DONE};
 use crate::simd::{Compiled, Simd};
 
@@ -124,7 +125,7 @@ impl<L: Leaves, const WATERTIGHT: bool> Compiled for AtBlocks<'_, '_, L, WATERTI
             unsafe {
                 let Lane { ray_state, best, child, exact, top, stack } = lanes.lane(number);
                 assert_unchecked((test.options.accuracy == Accuracy::Watertight) == WATERTIGHT);
-                let exactly = if WATERTIGHT { None } else { exactly.as_ref() };
+                let exactly = if WATERTIGHT || !EXACT_IN_TURN { None } else { exactly.as_ref() };
                 let (room, exact) = (&mut *room, exactly.map(|rays| (exact, rays)));
                 let tested = &mut RayTest { test, room, ray_state, best, exact };
                 if TestLeaf(*child, tested).run::<S>() {
