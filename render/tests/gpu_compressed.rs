@@ -153,7 +153,7 @@ fn planted_faults_are_named() {
         // What is behind glass.
         (K::ShadowHitsThroughGlass, "            at = 0u;\n", "            at = NO_NODE;\n"),
         (K::ShadowHitsThroughGlass, "bitcast<u32>(search.t) + 1u", "bitcast<u32>(search.t) + 0u"),
-        (K::ShadowHitsThroughGlass, "defer_ray(DEFERRED_SHADOW_RAYS, index);", ""),
+        (K::ShadowHitsThroughGlass, "defer_ray(DEFERRED_SHADOW_RAYS, index, vec3<u32>());", ""),
     ];
     let glass = compressed(scenes::all().with_samples("faults", 2));
     let opaque = compressed(scenes::doubled());
