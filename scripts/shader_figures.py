@@ -31,11 +31,12 @@ LEAN = ["closest_hit", "any_hit", "closest_hit_compressed", "any_hit_compressed"
 LEAN_IN_INSTANCES = ["trace_instances"]
 # Sixteen entries of a stack are private memory: 192 bytes of ptxas's stack, 48 of ACO's vector registers and the instructions
 # that choose among them. In the memory of the workgroup they were none of it, and rays took 1.3 to 1.6 times as long on an H100.
+# Setting slivers aside takes 8 vector registers and 370 instructions of ACO, and saves a second walk.
 LEAN_PROMISED = {
-    "aco.vgprs": 112,
+    "aco.vgprs": 120,
     "aco.scratch": 0,
-    "aco.instructions": 3100,
-    "cuda.registers": 64,
+    "aco.instructions": 3450,
+    "cuda.registers": 72,
     "cuda.stack": 200,
 }
 # How much of the earlier number a number may be; what times and memory are depends on the machine.
@@ -56,7 +57,7 @@ def broken(report):
     for name, shader in sorted(report.items()):
         promised = PROMISED | (LEAN_PROMISED if name in LEAN + LEAN_IN_INSTANCES else {})
         if name in LEAN_IN_INSTANCES:
-            promised |= {"aco.instructions": 3500, "cuda.registers": 72}
+            promised |= {"aco.instructions": 3850}
         for key, most in promised.items():
             found = shader.get(key)
             if found is None and name in LEAN + LEAN_IN_INSTANCES and key.split(".")[0] in measured(report):
