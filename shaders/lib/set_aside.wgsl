@@ -1,8 +1,8 @@
 // Triangles that take a closer look are set aside, and the walk goes on. What it leaves is little work for another shader, which has
 // taken_up.wgsl: to test these and the best that is certain. In place of nothing_aside.wgsl.
 //
-// Of sponza's camera rays one in eleven meets such a triangle. To walk these again, by a shader for any ray, took an H100 as long as to
-// walk all of them.
+// Of sponza's camera rays one in eleven meets such a triangle. To walk these again, by a shader for any ray, took an H100 about a third of
+// the time that the lean walk of all of them takes.
 
 // Names of triangles: 0 for none, else one more than the index.
 var<private> aside: vec2<u32>;

@@ -120,7 +120,7 @@ fn finish_test(
                 if disorder > eightfold && beyond {
                     return no_candidate();
                 }
-                // For weights of any size: they are exact up to as much as `area` errs. Twice as wide as that.
+                // The bound holds for a determinant of any size (docs/design/gpu.md). Twice as wide, to be safe.
                 lower = most(lower, difference(interpolated, product(2.0, error)));
                 upper = least(upper, sum(interpolated, product(2.0, error)));
             }

@@ -11,7 +11,7 @@ use crate::error::GpuError;
 /// Workgroups of a grid that may have fewer invocations than items: enough to fill a large GPU. A device that is a CPU gets all, since
 /// Mesa's llvmpipe ends the loops of an invocation after 65,535 rounds, and nothing may follow a ray that took them all.
 ///
-/// A retry by as many invocations as rays took an H100 0.8 ms for two million rays of which none was deferred, half the time of a batch: each
+/// A retry by as many invocations as rays took an H100 0.8 ms for two million rays of which hardly any was deferred, two fifths of a batch: each
 /// sets up its stack before it sees that nothing is left for it.
 pub(crate) const FEW_WORKGROUPS: u32 = 1024;
 
