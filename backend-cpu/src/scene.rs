@@ -23,6 +23,8 @@ use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
 use crate::near::in_order::{Parts, answer_in_order};
 use crate::simd::InstructionSet;
 
+mod batch;
+mod choose;
 mod counting;
 mod found;
 mod in_turn;
@@ -33,10 +35,12 @@ mod single;
 mod stream;
 mod together;
 mod top_walk;
+mod turn_ray;
+mod way;
 
+use batch::SceneBatch;
 use parts::{Geometries, Kind};
 use single::{Followed, SceneSingle};
-use stream::SceneStream;
 use top_walk::VectorWalker;
 
 /// Rays of a block: enough that those in one geometry are many, and few enough that their stacks stay near.
@@ -99,13 +103,13 @@ impl CpuScene {
         let followed = blocks.map(|(rays, answers)| {
             meter.check_batch()?;
             let scene = &self.built;
-            let stream = SceneStream { scene, geometries, rays, answers, options };
+            let batch = SceneBatch { scene, geometries, rays, answers, options };
             // SAFETY: the set is one of this processor's; geometries were made for it.
-            let followed = unsafe { self.set.run(stream) };
-            let followed = followed.map_err(|_| refused((16 * geometries.stack * 8) as u64))?;
+            let followed = unsafe { self.set.run(batch) };
+            let work = followed.map_err(|_| refused((16 * geometries.stack * 8) as u64))?;
             meter.advance(rays.len() as u64);
             meter.record_work(WORK_BETWEEN_CHECKS);
-            Ok::<_, QueryError>([followed.entered, followed.rejected])
+            Ok::<_, QueryError>([work.entered, work.rejected])
         });
         let [entered, rejected] = followed
             .try_reduce(|| [0; 2], |one, other| Ok([one[0] + other[0], one[1] + other[1]]))?;

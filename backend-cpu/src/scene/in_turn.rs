@@ -13,7 +13,6 @@ mod enter;
 mod in_mesh;
 mod lane;
 mod supply;
-pub(super) mod way;
 
 use core::marker::PhantomData;
 use std::collections::TryReserveError;
@@ -22,9 +21,9 @@ use splitplane_core::backend::scene::SceneAnswer;
 use splitplane_core::ray::{Culling, QueryOptions, Ray};
 use splitplane_core::scene::{Placement, SceneOptions};
 
+use super::batch::{SceneBatch, Work};
 use super::found::Found;
 use super::parts::{Geometries, Listed};
-use super::stream::{Followed, SceneStream};
 use super::top_walk::ALIKE_MOST;
 use crate::layout::wide_node::DONE;
 use crate::memory::{boxed, lengthen};
@@ -41,18 +40,18 @@ const MANY: u32 = 12;
 
 /// Rays through a scene on one thread, of which [`serves`] is true.
 pub(super) struct InTurn<'a, T, L> {
-    pub(super) stream: SceneStream<'a, T>,
+    pub(super) batch: SceneBatch<'a, T>,
     pub(super) of: PhantomData<L>,
 }
 
 /// Whether these rays can be followed here, but for the accuracy and for which hits count.
-pub(super) fn serves<T>(stream: &SceneStream<'_, T>) -> bool {
-    let tree = stream.scene.top_tree();
-    stream.rays.len() >= CHUNK
-        && stream.options.ignore.is_none()
+pub(super) fn serves<T>(batch: &SceneBatch<'_, T>) -> bool {
+    let tree = batch.scene.top_tree();
+    batch.rays.len() >= CHUNK
+        && batch.options.ignore.is_none()
         && !tree.nodes().is_empty()
         && tree.reach() <= ALIKE_MOST
-        && stream.geometries.listed().is_some()
+        && batch.geometries.listed().is_some()
 }
 
 /// What all rays have in common.
@@ -71,11 +70,11 @@ struct Shared<'a> {
 }
 
 impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for InTurn<'a, T, L> {
-    type Output = Result<Followed, TryReserveError>;
+    type Output = Result<Work, TryReserveError>;
 
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn run<S: Simd>(self) -> Result<Followed, TryReserveError> {
-        let SceneStream { scene, geometries, rays, answers, options } = self.stream;
+    unsafe fn run<S: Simd>(self) -> Result<Work, TryReserveError> {
+        let SceneBatch { scene, geometries, rays, answers, options } = self.batch;
         let tree = scene.top_tree();
         // A step may write as many entries more as a node has children, and dropping as many as a vector has lanes.
         let (room, top_room) = (geometries.stack, tree.stack() + 2 * S::N);
@@ -143,6 +142,6 @@ impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for InTurn<'a, T, L> {
             }
         }
         supply.give_back();
-        Ok(Followed { entered, rejected: 0 })
+        Ok(Work { entered, rejected: 0 })
     }
 }

@@ -8,18 +8,15 @@ use core::cell::Cell;
 use core::marker::PhantomData;
 use std::collections::TryReserveError;
 
-use splitplane_core::backend::QueryLayout;
-use splitplane_core::backend::scene::{Asked, BuiltScene, SceneAnswer, limit_within, seen_by};
+use splitplane_core::backend::scene::{Asked, SceneAnswer, limit_within, seen_by};
 use splitplane_core::query::traverse::Query;
-use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
-use splitplane_core::scene::{
-    GeometryId, InstanceId, Placement, SceneHit, SceneOptions, TopRay, TopStack,
-};
+use splitplane_core::ray::{Hit, QueryOptions};
+use splitplane_core::scene::{GeometryId, InstanceId, Placement, SceneHit, TopRay, TopStack};
 
-use super::counting::{Counting, EveryHit, KeptHits};
+use super::batch::{SceneBatch, Work};
+use super::counting::Counting;
 use super::found::Found;
-use super::in_turn::{InTurn, serves};
-use super::parts::{Geometries, Reached, all_count};
+use super::parts::Reached;
 use super::seen::WorldRay;
 use super::top_walk::{VectorRay, next};
 use crate::layout::wide_node::{CacheLine, DONE};
@@ -27,72 +24,11 @@ use crate::memory::lengthen;
 use crate::simd::{Compiled, Simd, prefetch};
 use crate::trace::block_test::BestHit;
 use crate::trace::keep::Keep;
-use crate::trace::leaves::{IndexedLeaves, PackedLeaves};
 use crate::trace::prepare_one::Readiness;
 use crate::trace::queues::{FLIGHT, Queues, Turn};
 use crate::trace::ray_state::{RayState, ScalarOutcome};
 use crate::trace::single::Single;
 use crate::trace::step::{RayTest, TestContext, TestLeaf, TraversalStack, ask_for, step_in_turn};
-
-/// Rays through a scene on one thread. Geometries must be made for the set.
-pub(super) struct SceneStream<'a, T> {
-    pub(super) scene: &'a BuiltScene,
-    pub(super) geometries: &'a Geometries<'a>,
-    pub(super) rays: &'a [Ray],
-    pub(super) answers: &'a mut [T],
-    pub(super) options: &'a SceneOptions<'a>,
-}
-
-/// Whether watertight rays whose hits all count have a way of their own ([`InTurn`]). A page loads what that takes, more than a tenth of all it loads for rays:
-/// there they do not.
-const IN_TURN: bool = !cfg!(target_family = "wasm");
-
-/// Whether scenes all of whose hits count have functions of their own.
-const EVERY_HIT: bool = !cfg!(target_family = "wasm");
-
-impl<T: SceneAnswer> Compiled for SceneStream<'_, T> {
-    /// An error where there is no memory for the rays under way.
-    type Output = Result<Followed, TryReserveError>;
-
-    #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn run<S: Simd>(self) -> Result<Followed, TryReserveError> {
-        let all = all_count(self.scene, self.options);
-        let usual = all && self.options.accuracy == Accuracy::Watertight;
-        // SAFETY: the caller's contract.
-        unsafe {
-            match (self.geometries.layout, all) {
-                (QueryLayout::Compact, _) if IN_TURN && usual && serves(&self) => {
-                    let of = PhantomData::<IndexedLeaves<'_>>;
-                    S::call(InTurn { stream: self, of })
-                }
-                (_, _) if IN_TURN && usual && serves(&self) => {
-                    let of = PhantomData::<PackedLeaves<'_>>;
-                    S::call(InTurn { stream: self, of })
-                }
-                // A page loads each of these: there a layout has one, which tells each hit whether it counts.
-                (QueryLayout::Compact, true) if EVERY_HIT => {
-                    S::call(Flying::<T, IndexedLeaves<'_>, EveryHit>::new(self))
-                }
-                (QueryLayout::Compact, _) => {
-                    S::call(Flying::<T, IndexedLeaves<'_>, KeptHits>::new(self))
-                }
-                (_, true) if EVERY_HIT => {
-                    S::call(Flying::<T, PackedLeaves<'_>, EveryHit>::new(self))
-                }
-                (_, _) => S::call(Flying::<T, PackedLeaves<'_>, KeptHits>::new(self)),
-            }
-        }
-    }
-}
-
-/// What following rays took.
-#[derive(Clone, Copy, Default)]
-pub(super) struct Followed {
-    /// Instances entered.
-    pub(super) entered: u64,
-    /// Hits that did not count.
-    pub(super) rejected: u64,
-}
 
 /// A ray in an instance.
 struct Lane<'a, T, L, K> {
@@ -123,25 +59,25 @@ struct Within<'a, L, K> {
 }
 
 /// The rays under way.
-struct Flying<'a, T, L, C> {
-    stream: SceneStream<'a, T>,
+pub(super) struct Flying<'a, T, L, C> {
+    batch: SceneBatch<'a, T>,
     of: PhantomData<(L, C)>,
 }
 
 impl<'a, T, L, C> Flying<'a, T, L, C> {
     #[cfg_attr(not(unoptimised), inline(always))]
-    fn new(stream: SceneStream<'a, T>) -> Flying<'a, T, L, C> {
-        Flying { stream, of: PhantomData }
+    pub(super) fn new(batch: SceneBatch<'a, T>) -> Flying<'a, T, L, C> {
+        Flying { batch, of: PhantomData }
     }
 }
 
 impl<'a, T: SceneAnswer, L: Found<'a>, C: Counting> Compiled for Flying<'a, T, L, C> {
-    type Output = Result<Followed, TryReserveError>;
+    type Output = Result<Work, TryReserveError>;
 
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn run<S: Simd>(self) -> Result<Followed, TryReserveError> {
+    unsafe fn run<S: Simd>(self) -> Result<Work, TryReserveError> {
         let rejected = Cell::new(0);
-        let SceneStream { scene, geometries, rays, answers, options } = self.stream;
+        let SceneBatch { scene, geometries, rays, answers, options } = self.batch;
         let (room, top_room) = (geometries.stack, scene.top_tree().stack());
         let (mut children, mut t) = (Vec::new(), Vec::new());
         lengthen(&mut children, room * FLIGHT, DONE)?;
@@ -310,7 +246,7 @@ impl<'a, T: SceneAnswer, L: Found<'a>, C: Counting> Compiled for Flying<'a, T, L
                 queues.wait(number, turn);
             }
             if queues.is_empty() {
-                return Ok(Followed { entered, rejected: rejected.get() });
+                return Ok(Work { entered, rejected: rejected.get() });
             }
             for number in queues.take(Turn::Node) {
                 // SAFETY: lanes are below FLIGHT.

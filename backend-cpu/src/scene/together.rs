@@ -15,9 +15,9 @@ use splitplane_core::ray::{Hit, Ray, Rays};
 use splitplane_core::scene::{InstanceId, SceneOptions, TOP_WIDTH};
 
 use super::found::Found;
-use super::in_turn::way::{Entry, Way, range};
 use super::parts::{Geometries, Reached};
 use super::seen::WorldRay;
+use super::way::{Entry, Way, range};
 use crate::memory::{boxed, lengthen};
 use crate::simd::{Compiled, Simd};
 use crate::trace::batch::{Answers, RayBatch};

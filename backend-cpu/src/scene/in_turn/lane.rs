@@ -7,41 +7,12 @@ use splitplane_core::ray::QueryOptions;
 use splitplane_core::scene::{GeometryId, InstanceId, TOP_WIDTH, TopNode};
 
 use crate::layout::wide_node::{CacheLine, DONE, leaf_bit};
+use crate::scene::turn_ray::TurnRay;
 use crate::trace::block_test::BestHit;
 use crate::trace::ray_state::RayState;
 
 /// Rays under way.
 pub(super) const LANES: usize = 32;
-
-/// A ray as the tree over instances tests it: see [`VectorRay`](crate::scene::top_walk::VectorRay), for boxes that are all widened alike. A cache line.
-#[derive(Clone, Copy)]
-#[repr(C, align(64))]
-pub(super) struct TurnRay {
-    pub(super) reciprocal: [f32; 3],
-    pub(super) enter: f32,
-    pub(super) first: [f32; 3],
-    pub(super) stop: f32,
-    pub(super) last: [f32; 3],
-    /// Bits 0 to 2: the direction is negative on x, y, z.
-    pub(super) octant: u32,
-    unused: [u32; 4],
-}
-
-impl TurnRay {
-    /// Its words.
-    pub(super) const WORDS: usize = size_of::<TurnRay>() / 4;
-
-    /// No ray.
-    pub(super) const NONE: TurnRay = TurnRay {
-        reciprocal: [0.0; 3],
-        enter: 0.0,
-        first: [0.0; 3],
-        stop: 0.0,
-        last: [0.0; 3],
-        octant: 0,
-        unused: [0; 4],
-    };
-}
 
 /// Where a node has the planes that rays of an octant meet first, and those that they meet last, in bytes.
 #[derive(Clone, Copy)]

@@ -10,11 +10,12 @@ use splitplane_core::backend::scene::{BuiltScene, SceneAnswer};
 use splitplane_core::ray::Ray;
 
 use super::Shared;
-use super::lane::{Lane, TurnRay, Waiting, lanes_of};
+use super::lane::{Lane, Waiting, lanes_of};
 use crate::memory::boxed;
 use crate::scene::found::Found;
 use crate::scene::single::{Followed, Following, SceneSingle};
 use crate::scene::together::{Room, Together};
+use crate::scene::turn_ray::TurnRay;
 use crate::simd::{Compiled, Simd};
 use crate::trace::prepare::CHUNK;
 use crate::trace::ray_state::RayState;

@@ -8,8 +8,8 @@ use splitplane_core::scene::{
     TopNode, TopRay,
 };
 
-use super::lane::TurnRay;
-use crate::scene::top_walk::{PRODUCT_MOST, Planes};
+use super::top_walk::{PRODUCT_MOST, Planes};
+use super::turn_ray::TurnRay;
 use crate::simd::{MOST_LANES, Simd};
 use crate::trace::prepare::{CHUNK, PerRay, RECORD};
 
@@ -20,48 +20,48 @@ const ORIGIN_SPREAD: f32 = 1.0;
 
 /// A child of a node that some ray may enter.
 #[derive(Clone, Copy)]
-pub(in crate::scene) struct Entry {
-    pub(in crate::scene) enter: f32,
+pub(super) struct Entry {
+    pub(super) enter: f32,
     node: u32,
     slot: u32,
 }
 
 /// Rays by rows, as the tree over instances tests them, and what holds for all of them.
-pub(in crate::scene) struct Way {
+pub(super) struct Way {
     /// Snapped.
     origin: [PerRay<f32>; 3],
     direction: [PerRay<f32>; 3],
-    pub(in crate::scene) t_min: PerRay<f32>,
+    pub(super) t_min: PerRay<f32>,
     /// Up to their best hits; lower than all others for rays that are done.
-    pub(in crate::scene) limit: PerRay<f32>,
+    pub(super) limit: PerRay<f32>,
     reciprocal: [PerRay<f32>; 3],
     /// What is taken from a plane times the reciprocal.
     first: [PerRay<f32>; 3],
     last: [PerRay<f32>; 3],
     enter: PerRay<f32>,
-    pub(in crate::scene) stop: PerRay<f32>,
+    pub(super) stop: PerRay<f32>,
     /// The greatest component of the origin.
     distance: PerRay<f32>,
     /// What boxes are widened by, per unit of that.
     widen: f32,
     planes: Planes,
-    pub(in crate::scene) all: Interval,
+    pub(super) all: Interval,
 }
 
 /// Bounds that hold for all rays.
 #[derive(Clone, Copy)]
-pub(in crate::scene) struct Interval {
+pub(super) struct Interval {
     /// What is taken from the planes that come first, and last, so that the distance is the least, and the greatest.
     first: [f32; 3],
     last: [f32; 3],
     reciprocal: [[f32; 2]; 3],
     enter: f32,
-    pub(in crate::scene) stop: f32,
+    pub(super) stop: f32,
 }
 
 /// The least and the greatest of a row.
 #[cfg_attr(not(unoptimised), inline(always))]
-pub(in crate::scene) fn range(row: &PerRay<f32>) -> [f32; 2] {
+pub(super) fn range(row: &PerRay<f32>) -> [f32; 2] {
     let (mut least, mut most) = ([row[0]; MOST_LANES], [row[0]; MOST_LANES]);
     for first in (0..CHUNK).step_by(MOST_LANES) {
         for lane in 0..MOST_LANES {
@@ -85,12 +85,12 @@ pub(in crate::scene) fn range(row: &PerRay<f32>) -> [f32; 2] {
 
 impl Entry {
     /// No entry.
-    pub(in crate::scene) const NONE: Entry = Entry { enter: 0.0, node: 0, slot: 0 };
+    pub(super) const NONE: Entry = Entry { enter: 0.0, node: 0, slot: 0 };
 }
 
 impl Way {
     /// No rays.
-    pub(in crate::scene) const NONE: Way = Way {
+    pub(super) const NONE: Way = Way {
         origin: [[0.0; CHUNK]; 3],
         direction: [[0.0; CHUNK]; 3],
         t_min: [0.0; CHUNK],
@@ -117,11 +117,7 @@ impl Way {
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(in crate::scene) unsafe fn load<S: Simd>(
-        &mut self,
-        rays: &[Ray; CHUNK],
-        reach: f32,
-    ) -> u32 {
+    pub(super) unsafe fn load<S: Simd>(&mut self, rays: &[Ray; CHUNK], reach: f32) -> u32 {
         // More than is used, since whole vectors are read.
         let mut numbers = [0.0; CHUNK * RECORD + MOST_LANES];
         numbers[..CHUNK * RECORD].copy_from_slice(bytemuck::cast_slice(rays));
@@ -210,7 +206,7 @@ impl Way {
 
     /// Whether the rays, none of which is unusual, go the same way. The extents are those of all instances.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(in crate::scene) fn goes_together(&mut self, extents: f32) -> bool {
+    pub(super) fn goes_together(&mut self, extents: f32) -> bool {
         for axis in 0..3 {
             // Where rays go all ways, two are enough to detect it.
             let [one, .., other] = &self.direction[axis];
@@ -247,7 +243,7 @@ impl Way {
     /// # Safety
     /// The processor must have the set, which must have eight lanes; the stack must have space for eight entries.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(in crate::scene) unsafe fn step<S: Simd>(
+    pub(super) unsafe fn step<S: Simd>(
         &self,
         node: &TopNode,
         index: u32,
@@ -323,7 +319,7 @@ impl Way {
     /// The processor must have the set. The nodes must be all those of a tree, and the stack must have the entries that it needs and as many more as
     /// a node has children; of them `top` have been written by this function, or by [`Way::step`] for the root.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(in crate::scene) unsafe fn next<S: Simd>(
+    pub(super) unsafe fn next<S: Simd>(
         &self,
         nodes: &[TopNode],
         stack: *mut Entry,
@@ -358,7 +354,7 @@ impl Way {
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(in crate::scene) unsafe fn seen_by<S: Simd>(
+    pub(super) unsafe fn seen_by<S: Simd>(
         &self,
         placement: &Placement,
         seen: &mut [PerRay<f32>; 8],
@@ -392,7 +388,7 @@ impl Way {
 impl Way {
     /// Takes a hit of a ray, if it is better than its best. True if it is.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(in crate::scene) fn improve<T: SceneAnswer>(
+    pub(super) fn improve<T: SceneAnswer>(
         &mut self,
         answer: &mut T,
         (ray, lane): (&Ray, usize),
