@@ -148,6 +148,53 @@ fn hits_are_those_of_real_arithmetic() {
     assert!(hit * 4 > all, "{hit} {all}");
 }
 
+/// Rays from far off through corners on the sides of the scene's bounds, and nearly along these sides, without rounding. Their
+/// origins are moved near the scene on the way in; what that rounds away must not take them past the bounds, nor into them behind a hit.
+fn along_the_bounds(scene: &Scene, count: usize, random: &mut Random) -> Vec<Ray> {
+    let mesh = scene.mesh();
+    let bounds = Aabb::of_points(&scene.positions);
+    let mut rays = Vec::new();
+    while rays.len() < count {
+        let corner = mesh.triangle(random.below(mesh.len()))[random.below(3)];
+        let side = (0..3).find(|&k| corner[k] == bounds.lo[k] || corner[k] == bounds.hi[k]);
+        let largest = corner.iter().fold(0.0f32, |most, x| most.max(x.abs()));
+        // A unit in the last place of the largest coordinate, and up to 2^22 of them.
+        let unit = largest.log2().floor().exp2() * f32::EPSILON;
+        let steps = ((8 + random.below(15)) as f32).exp2();
+        let direction: [f32; 3] = core::array::from_fn(|k| {
+            let slope = if side == Some(k) { 0.2 * random.signed() } else { 1.0 };
+            unit * (slope * steps * random.signed()).round()
+        });
+        let origin: [f32; 3] = core::array::from_fn(|k| corner[k] - direction[k]);
+        let exact =
+            |k: usize| f64::from(corner[k]) - f64::from(origin[k]) == f64::from(direction[k]);
+        if side.is_some() && (0..3).all(exact) {
+            let scale = random.pick(&[-100.0f32, 0.0, 90.0]).exp2();
+            rays.push(Ray::new(origin, direction.map(|x| x * scale)));
+        }
+    }
+    rays
+}
+
+#[test]
+fn far_rays_along_the_bounds_hit_what_they_hit_in_real_arithmetic() {
+    let mut random = Random::new(8);
+    for scene in [
+        scenes::sphere(20, [1e7, -1e7, 1e7], 1000.0),
+        scenes::sphere(24, [1e3, -1e3, 1e3], 1.0),
+        scenes::sphere(16, [-3e5, 7e5, 1e5], 100.0),
+    ] {
+        let oracle = Oracle::new(&scene.mesh());
+        let rays = along_the_bounds(&scene, many(4_000), &mut random);
+        for set in InstructionSet::available() {
+            let hits = closest(&build(&scene, set), &rays, &EXACT);
+            let wrong = faults(&oracle, &rays, &EXACT, &hits);
+            assert!(wrong.is_empty(), "{set:?}: {} wrong, the first: {}", wrong.len(), wrong[0]);
+            assert!(hits.iter().filter(|hit| hit.is_hit()).count() * 4 > rays.len());
+        }
+    }
+}
+
 /// The same on real scenes, where they are present.
 #[test]
 fn hits_on_real_scenes_are_those_of_real_arithmetic() {

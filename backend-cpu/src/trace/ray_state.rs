@@ -1,5 +1,6 @@
 //! A ray under way, as steps at nodes and tests of blocks read it.
 
+use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::query::intersect::{PLANE_SLACK, PreparedRay, SceneScale};
 use splitplane_core::query::traverse::Query;
@@ -132,7 +133,7 @@ impl RayState {
 
     /// The state of a ray that the core has prepared; `None` where the ray misses the scene's bounds.
     fn of(ray: &PreparedRay, scene: &SceneScale, query: Query) -> Option<RayState> {
-        let (enter, exit) = ray.enter::<Strict>(&scene.bounds)?;
+        let (enter, exit) = ray.enter::<Strict>(&around_moved(&scene.bounds, ray))?;
         let reach = behind(enter, exit);
         let (mut near, mut far, mut octant) = ([0.0; 3], [0.0; 3], 0);
         for axis in 0..3 {
@@ -250,6 +251,24 @@ pub(crate) const EXIT_FACTOR: f32 = 1.0 + 4.0 * PLANE_SLACK;
 /// The part by which planes are widened for rays that begin before their origin, of the greatest distance at
 /// which the ray is within the bounds: distances below 0 are not made greater by a factor.
 pub(crate) const BEHIND_SLACK: f32 = 8.0 * PLANE_SLACK;
+
+/// More than what moving an origin rounds away of a coordinate, as a part of it: that is one rounding, 2^-24, and little else. Boxes of nodes have it in
+/// [`ORIGIN_SLACK`]; the scene's bounds have nothing like that.
+const MOVED_SLACK: f32 = 2.384_185_8e-7; // 2^-22
+
+/// Bounds as a moved ray must be held against: an exact hit lies on the ray as it was given, which may run along a side of the bounds that the moved
+/// one passes outside of, or comes to later.
+fn around_moved(bounds: &Aabb, ray: &PreparedRay) -> Aabb {
+    let mut around = *bounds;
+    if ray.offset != 0.0 {
+        for axis in 0..3 {
+            let slack = ray.origin[axis].abs() * MOVED_SLACK;
+            around.lo[axis] = (around.lo[axis] - slack).next_down();
+            around.hi[axis] = (around.hi[axis] + slack).next_up();
+        }
+    }
+    around
+}
 
 /// The additional slack of planes for a ray that is within the bounds in an interval.
 #[cfg_attr(not(unoptimised), inline(always))]
