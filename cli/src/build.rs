@@ -5,6 +5,7 @@ use super::files;
 use super::objects_built::BuiltObjects;
 use super::options::Common;
 use super::output;
+use super::own_files;
 use super::prepared::{Prepared, in_pool, print_json};
 use super::tree::save_tree;
 use clap::Args;
@@ -13,7 +14,7 @@ use splitplane::scene::InstancedScene;
 use splitplane::scene::instanced::is_saved;
 use splitplane_scene::from_file::quoted_path;
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
@@ -35,6 +36,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.rays.is_some() && !common.is_auto() {
         return Err(Failure::usage("--rays is what --preset auto chooses by; leave it out"));
     }
+    own_files::check([Path::new(&arguments.scene)], arguments.output.as_deref())?;
     in_pool(common, || {
         if InstancedScene::is_named_by(&arguments.scene) {
             return build_objects(arguments);

@@ -4,12 +4,13 @@ use super::failure::Failure;
 use super::files::{self, ends_in};
 use super::options::bytes;
 use super::output;
+use super::own_files;
 use clap::{Args, ValueEnum};
 use splitplane::scene::ply::{self, Encoding};
 use splitplane::scene::{InstancedScene, MeshFileProblem, Scene, SceneOptions, gltf};
 use splitplane_scene::from_file::{quoted, quoted_path};
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
@@ -59,6 +60,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             format!("`{shown}` does not end in .ply or .glb; these are the formats written");
         return Err(Failure::usage(message));
     }
+    own_files::check([Path::new(&arguments.scene)], [arguments.output.as_path()])?;
     // A .ply has no place for textures.
     let options = SceneOptions {
         textures: is_glb,

@@ -3,7 +3,7 @@
 use super::failure::Failure;
 use super::options::{Common, distance};
 use super::prepared::{Prepared, counted, in_pool, milliseconds, print_json};
-use super::{files, npy, output, progress};
+use super::{files, npy, output, own_files, progress};
 use clap::Args;
 use serde::Serialize;
 use splitplane::{
@@ -11,7 +11,7 @@ use splitplane::{
     Rule, Watch,
 };
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Points that are answered at a time.
@@ -124,6 +124,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.step.is_some_and(|step| step == 0.0 || step.is_infinite()) {
         return Err(Failure::usage("--step: a grid has steps longer than 0, and finite"));
     }
+    own_files::check([Path::new(&arguments.scene)], [arguments.out.as_path()])?;
     in_pool(&arguments.common, || arguments.answer())
 }
 

@@ -25,6 +25,7 @@ mod objects_built;
 mod objects_report;
 mod options;
 mod output;
+mod own_files;
 mod paper;
 mod parity;
 mod part_file;

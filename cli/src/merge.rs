@@ -6,7 +6,7 @@ use super::made::{Made, Wanted};
 use super::options::bytes;
 use super::part_file::{self, PartFile, PartFileError};
 use super::prepared::{counted, print_json};
-use super::{ending, output};
+use super::{ending, output, own_files};
 use clap::Args;
 use serde::Serialize;
 use splitplane::picture::{FirstCost, FirstHit};
@@ -49,6 +49,7 @@ struct Report {
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     arguments.time.begin();
+    own_files::check(arguments.parts.iter().map(PathBuf::as_path), [arguments.output.as_path()])?;
     let mut parts = Vec::new();
     let most = arguments.max_file.unwrap_or_else(from_file::usual_limit);
     let mut left = most;

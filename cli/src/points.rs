@@ -11,7 +11,7 @@ use super::ending::{self, TimeLimit};
 use super::failure::Failure;
 use super::options::{bytes, distance, point, size};
 use super::prepared::{counted, milliseconds, pool_of};
-use super::{files, output, probe, progress, ray_file};
+use super::{files, output, own_files, probe, progress, ray_file};
 use clap::{Args, ValueEnum};
 use report::PointsReport;
 use splitplane::points::{Axes, PointOptions};
@@ -132,7 +132,13 @@ impl Arguments {
                 "`{shown}` does not end in .png; the picture of a cloud is written as PNG"
             )));
         }
-        self.check_names()?;
+        let read = [Some(&self.cloud), self.queries.as_ref()];
+        let written =
+            [&self.nearest, &self.within, &self.normals, &self.outliers, &self.thin, &self.picture];
+        own_files::check(
+            read.into_iter().flatten().map(PathBuf::as_path),
+            written.into_iter().flatten().map(PathBuf::as_path),
+        )?;
         match self.within.as_ref().filter(|path| files::is_stream(path)) {
             Some(path) => Err(Failure::usage(format!(
                 "--within writes two files, which `{}` cannot be; give the name of a file",
@@ -140,28 +146,6 @@ impl Arguments {
             ))),
             None => Ok(()),
         }
-    }
-
-    /// Refuses to write over what is read, and two answers to one file.
-    fn check_names(&self) -> Result<(), Failure> {
-        let outputs = [&self.nearest, &self.within, &self.normals, &self.outliers, &self.thin];
-        let outputs = outputs.into_iter().chain([&self.picture]).flatten();
-        let mut taken: Vec<(PathBuf, &str)> = [Some(&self.cloud), self.queries.as_ref()]
-            .into_iter()
-            .flatten()
-            .map(|path| (place(path), "is read"))
-            .collect();
-        for path in outputs.filter(|path| !files::is_stream(path)) {
-            let own = place(path);
-            if let Some((_, use_of_it)) = taken.iter().find(|(other, _)| *other == own) {
-                return Err(Failure::usage(format!(
-                    "`{}` {use_of_it} already; give each answer a file of its own",
-                    quoted_path(path)
-                )));
-            }
-            taken.push((own, "is written"));
-        }
-        Ok(())
     }
 
     fn answer(&self) -> Result<(), Failure> {
@@ -232,11 +216,4 @@ impl Arguments {
         }
         report.tell(self.json, self.quiet, &written)
     }
-}
-
-/// Where a file is, whatever way its name goes there, as far as it exists.
-fn place(path: &Path) -> PathBuf {
-    std::fs::canonicalize(path)
-        .or_else(|_| std::path::absolute(path))
-        .unwrap_or_else(|_| path.into())
 }

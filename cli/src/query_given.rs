@@ -2,13 +2,13 @@
 
 use super::failure::Failure;
 use super::options::{Common, distance};
-use super::{files, ray_file};
+use super::{files, own_files, ray_file};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 use splitplane::{QueryError, Ray};
 use splitplane_scene::from_file::quoted_path;
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
@@ -134,6 +134,11 @@ impl Given {
                 quoted_path(path)
             )));
         }
+        let read = [arguments.rays.as_deref(), arguments.points.as_deref()];
+        own_files::check(
+            read.into_iter().flatten().chain([Path::new(&arguments.scene)]),
+            arguments.hits.as_deref(),
+        )?;
         let kind = arguments.kind;
         let points = kind.asks_points();
         if kind != Kind::ClosestPoint && (arguments.signed || arguments.max_distance.is_some()) {

@@ -55,6 +55,55 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
+/// A slip of the hand costs nobody a scene.
+#[test]
+fn nothing_is_written_over_what_is_read() {
+    let folder = square();
+    let path = |name: &str| folder.path().join(name);
+    let converted =
+        program(&folder).args(["convert", "square.obj", "square.ply"]).output().unwrap();
+    assert!(converted.status.success(), "{}", text(&converted.stderr));
+    symlink(path("square.obj"), path("link.obj")).unwrap();
+    let contents = || names(folder.path()).into_iter().map(|name| fs::read(path(&name)).unwrap());
+    let before: Vec<Vec<u8>> = contents().collect();
+    for (arguments, over) in [
+        (&["build", "square.obj", "-o", "./square.obj"][..], "./square.obj"),
+        (&["build", "link.obj", "-o", "square.obj"], "square.obj"),
+        (&["distances", "square.obj", "--out", "square.obj"], "square.obj"),
+        (&["distances", "square.obj", "--out", "link.obj"], "link.obj"),
+        (&["query", "square.obj", "--rays", "one.rays", "--hits", "one.rays"], "one.rays"),
+        (&["query", "square.obj", "--rays", "one.rays", "--hits", "square.obj"], "square.obj"),
+        (
+            &[
+                "query",
+                "square.obj",
+                "--kind",
+                "inside",
+                "--points",
+                "one.rays",
+                "--hits",
+                "one.rays",
+            ],
+            "one.rays",
+        ),
+    ] {
+        let output = run(&folder, arguments);
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
+        assert!(said.contains(&format!("`{over}` is read already")), "{arguments:?}: {said}");
+        assert!(contents().eq(before.iter().cloned()), "{arguments:?}");
+    }
+    for arguments in
+        [["convert", "square.ply", "square.ply"], ["merge", "one.picpart", "one.picpart"]]
+    {
+        let output = program(&folder).args(arguments).output().unwrap();
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
+        assert!(said.contains("is read already"), "{arguments:?}: {said}");
+    }
+    assert!(contents().eq(before));
+}
+
 /// Every verb that writes, and what it writes to.
 const WRITERS: [(&[&str], &str); 5] = [
     (&["build", "square.obj", "-o", "out.bin"], "out.bin"),
