@@ -10,7 +10,7 @@ use splitplane_core::tree::KdTree;
 use splitplane_core::triangle::Triangle;
 use splitplane_core::watch::Watch;
 
-use super::batch::Marked;
+use super::marked::Marked;
 use super::pipelines::Queries;
 use super::settle::{Asking, HostScene};
 use super::tree::DeviceTree;

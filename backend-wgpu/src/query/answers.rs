@@ -19,9 +19,8 @@ use splitplane_core::watch::Watch;
 
 use super::accelerator::{Slices, WgpuAccelerator};
 use super::asked::Asked;
-use super::batch::Marked;
 use super::error::DeviceQueryError;
-use super::layout::UNFINISHED;
+use super::marked::Marked;
 use super::pipelines::Queries;
 use super::settle::{Asking, list};
 use super::tree::DeviceTree;
@@ -142,11 +141,7 @@ impl Queries {
             let hits = &mut hits[range];
             bytemuck::cast_slice_mut::<Hit, u8>(hits).copy_from_slice(bytes);
             for (place, hit) in hits.iter().enumerate() {
-                match hit.triangle {
-                    UNFINISHED => push(&mut out.unfinished, first + place)?,
-                    Hit::UNDECIDED => push(&mut out.undecided, first + place)?,
-                    _ => {}
-                }
+                out.note_hit(first + place, hit)?;
             }
             Ok(())
         };
@@ -186,13 +181,7 @@ impl Queries {
         let answer = |range: Range<usize>, bytes: &[u8]| {
             for (place, word) in range.zip(bytes.chunks_exact(4)) {
                 let word = [word[0], word[1], word[2], word[3]];
-                occluded[place] = false;
-                match u32::from_ne_bytes(word) {
-                    1 => occluded[place] = true,
-                    2 => push(&mut out.unfinished, place)?,
-                    3 => push(&mut out.undecided, place)?,
-                    _ => {}
-                }
+                occluded[place] = out.note_any(place, u32::from_ne_bytes(word))?;
             }
             Ok(())
         };
@@ -455,13 +444,6 @@ impl Accelerator for WgpuAccelerator {
 }
 
 /// Adds a place to a list.
-fn push(places: &mut Vec<usize>, place: usize) -> Result<(), DeviceQueryError> {
-    let needed = ((places.len() + 1) * size_of::<usize>()) as u64;
-    places.try_reserve(1).map_err(|_| DeviceQueryError::HostMemory { needed })?;
-    places.push(place);
-    Ok(())
-}
-
 fn same_length(rays: usize, results: usize) -> Result<(), DeviceQueryError> {
     if rays == results { Ok(()) } else { Err(DeviceQueryError::LengthMismatch { rays, results }) }
 }

@@ -25,28 +25,6 @@ use crate::device::scope::checked;
 use crate::device::wait::{Bell, Wait};
 use crate::error::GpuError;
 
-/// Indices of the rays of a batch that have no answer, in ascending order.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Marked {
-    /// Those that the driver did not let finish.
-    pub unfinished: Vec<usize>,
-    /// Those that bounds of error leave undecided; accuracy `exact` only.
-    pub undecided: Vec<usize>,
-}
-
-impl Marked {
-    /// An error when there are any.
-    pub(crate) fn none(&self) -> Result<(), DeviceQueryError> {
-        if let Some(&first) = self.unfinished.first() {
-            return Err(DeviceQueryError::Unfinished { rays: self.unfinished.len(), first });
-        }
-        match self.undecided.first() {
-            None => Ok(()),
-            Some(&first) => Err(DeviceQueryError::Undecided { rays: self.undecided.len(), first }),
-        }
-    }
-}
-
 /// Interval between two calls of the watch.
 const POLL_INTERVAL: Duration = Duration::from_micros(500);
 

@@ -19,6 +19,7 @@ mod held;
 mod layout;
 pub(crate) mod limits;
 mod lists;
+mod marked;
 mod near;
 mod pipelines;
 mod points;
@@ -32,11 +33,11 @@ mod tree;
 mod windings;
 
 pub use accelerator::WgpuAccelerator;
-pub use batch::Marked;
 #[doc(hidden)]
 pub use compressing::{CompressExecutor, Compressing};
 pub use error::DeviceQueryError;
 pub use layout::UNFINISHED;
+pub use marked::Marked;
 pub use pipelines::Queries;
 pub(crate) use pipelines::QueryVariant;
 pub use points::WgpuPointTree;

@@ -1,5 +1,8 @@
 //! Query kernels from any text, such as one with a fault.
 
+use std::collections::HashMap;
+use std::sync::Mutex;
+
 use splitplane_core::kernel::QueryKernel;
 use splitplane_core::ray::Ray;
 use splitplane_wgpu::DeviceTree;
@@ -8,6 +11,39 @@ fn storage(bytes: usize) -> wgpu::Buffer {
     let usage =
         wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
     super::common::gpu().buffer("test", bytes as u64, usage).expect("a buffer")
+}
+
+/// What a source was compiled to.
+type Compiled = (wgpu::BindGroupLayout, wgpu::ComputePipeline);
+
+/// The pipeline of a source. Compiled once: that takes longer than a batch, and a fault leaves one of two sources as it is.
+fn compiled(source: &str, retries: bool, counts: bool) -> Compiled {
+    static ALL: Mutex<Option<HashMap<(String, bool), Compiled>>> = Mutex::new(None);
+    let key = (source.to_owned(), retries);
+    if let Some(known) = ALL.lock().unwrap().get_or_insert_default().get(&key) {
+        return known.clone();
+    }
+    let gpu = super::common::gpu();
+    // Stated, since a fault may leave a binding unused.
+    let stages = wgpu::ShaderStages::COMPUTE;
+    let mut slots = DeviceTree::bind_group_layout_entries(0, stages).to_vec();
+    let eighth = counts.then_some((8, false));
+    for (binding, read_only) in [(4, true), (5, false), (7, retries)].into_iter().chain(eighth) {
+        slots.push(wgpu::BindGroupLayoutEntry { binding, ..slots[0] });
+        let slot = slots.last_mut().expect("pushed");
+        slot.ty = wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Storage { read_only },
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        };
+    }
+    slots.push(wgpu::BindGroupLayoutEntry { binding: 6, ..slots[3] });
+    let descriptor = wgpu::BindGroupLayoutDescriptor { label: None, entries: &slots };
+    let layout = gpu.device().create_bind_group_layout(&descriptor);
+    let pipeline = gpu.pipeline_with_layout("planted", source, &layout).expect("a pipeline");
+    let made = (layout, pipeline);
+    ALL.lock().unwrap().get_or_insert_default().insert(key, made.clone());
+    made
 }
 
 /// What the sources of a lean kernel, and of that for the rays it defers, write: `each` bytes for each ray. And how many
@@ -41,26 +77,7 @@ pub(crate) fn answers(
     }
     let mut encoder = gpu.device().create_command_encoder(&Default::default());
     for (retries, source) in [false, true].into_iter().zip(sources) {
-        // Stated, since a fault may leave a binding unused.
-        let stages = wgpu::ShaderStages::COMPUTE;
-        let mut slots = DeviceTree::bind_group_layout_entries(0, stages).to_vec();
-        let eighth = counts.then_some((8, false));
-        for (binding, read_only) in [(4, true), (5, false), (7, retries)].into_iter().chain(eighth)
-        {
-            slots.push(wgpu::BindGroupLayoutEntry { binding, ..slots[0] });
-            let slot = slots.last_mut().expect("pushed");
-            slot.ty = wgpu::BindingType::Buffer {
-                ty: wgpu::BufferBindingType::Storage { read_only },
-                has_dynamic_offset: false,
-                min_binding_size: None,
-            };
-        }
-        slots.push(wgpu::BindGroupLayoutEntry { binding: 6, ..slots[3] });
-        let layout = gpu.device().create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: None,
-            entries: &slots,
-        });
-        let pipeline = gpu.pipeline_with_layout("planted", source, &layout).expect("a pipeline");
+        let (layout, pipeline) = compiled(source, retries, counts);
         let bindings = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
             label: None,
             layout: &layout,
