@@ -171,7 +171,7 @@ fn test_closely(ray: PreparedRay, index: u32, culling: u32) -> Candidate {
         // In an edge function the scales of two corners are one factor.
         wide = wide_sheared(ray, triangle);
     } else {
-        wide.seen = sheared(ray, triangle);
+        wide.seen = sheared(ray, index);
     }
     var seen = wide.seen;
     var edges = edge_functions(seen);
@@ -202,7 +202,7 @@ fn test_closely(ray: PreparedRay, index: u32, culling: u32) -> Candidate {
         t_min = -GREATEST;
         t_max = GREATEST;
     }
-    var hit = finish_test(ray, origin, index, held, seen, edges, side, t_min, t_max, GREATEST);
+    var hit = finish_test(ray, origin, index, seen, edges, t_min, t_max, GREATEST);
     if hit.open {
         hit = look_closer(ray, origin, held, seen, edges, side, t_min, t_max);
     }
@@ -265,6 +265,6 @@ fn barycentric(ray: PreparedRay, triangle: u32, weights: vec3<f32>) -> vec2<f32>
     return weights_over(weights);
 }
 
-fn reach_again(origin: vec3<f32>, triangle: Triangle, index: u32, seen: Sheared) -> f32 {
+fn reach_again(origin: vec3<f32>, index: u32, seen: Sheared) -> f32 {
     return reach_of(seen);
 }

@@ -7,6 +7,18 @@ struct Triangle {
     c: vec3<f32>,
 }
 
+// The corners of a triangle, each in the order of these axes.
+fn corners_along(triangle: u32, axes: vec3<u32>) -> Triangle {
+    let x = triangle * 9u + axes.x;
+    let y = triangle * 9u + axes.y;
+    let z = triangle * 9u + axes.z;
+    return Triangle(
+        vec3<f32>(triangles[x], triangles[y], triangles[z]),
+        vec3<f32>(triangles[x + 3u], triangles[y + 3u], triangles[z + 3u]),
+        vec3<f32>(triangles[x + 6u], triangles[y + 6u], triangles[z + 6u]),
+    );
+}
+
 // The corners of a triangle.
 fn corners_of(triangle: u32) -> Triangle {
     let first = triangle * 9u;

@@ -17,6 +17,18 @@ fn triangle_word(at: u32) -> f32 {
     return bitcast<f32>(scene_words[frame.tail_at + (at - here)]);
 }
 
+// The corners of a triangle, each in the order of these axes.
+fn corners_along(triangle: u32, axes: vec3<u32>) -> Triangle {
+    let x = triangle * 9u + axes.x;
+    let y = triangle * 9u + axes.y;
+    let z = triangle * 9u + axes.z;
+    return Triangle(
+        vec3<f32>(triangle_word(x), triangle_word(y), triangle_word(z)),
+        vec3<f32>(triangle_word(x + 3u), triangle_word(y + 3u), triangle_word(z + 3u)),
+        vec3<f32>(triangle_word(x + 6u), triangle_word(y + 6u), triangle_word(z + 6u)),
+    );
+}
+
 // The corners of a triangle.
 fn corners_of(triangle: u32) -> Triangle {
     let first = triangle * 9u;

@@ -20,22 +20,18 @@ fn inner_limits(ray: PreparedRay) -> vec2<f32> {
 
 // u and v of a hit: computed again from the triangle, so that no weights take registers during the traversal.
 fn barycentric(ray: PreparedRay, triangle: u32, weights: vec3<f32>) -> vec2<f32> {
-    let edges = edge_functions(sheared(ray, corners_of(triangle)));
+    let edges = edge_functions(sheared(ray, triangle));
     let det = sum(sum(edges.x, edges.y), edges.z);
     return weights_over(vec3<f32>(edges.y, edges.z, det));
 }
 
 // `reach_of`, from corners that are read again: few triangles need it, and the first six distances would take registers
 // until then. No compiler can tell that the index is the same.
-fn reach_again(origin: vec3<f32>, triangle: Triangle, index: u32, seen: Sheared) -> f32 {
+fn reach_again(origin: vec3<f32>, index: u32, seen: Sheared) -> f32 {
     let again = corners_of(index ^ opaque_zero);
     let a = abs(distance3(again.a, origin));
     let b = abs(distance3(again.b, origin));
     let c = abs(distance3(again.c, origin));
     let most_away = max(max(a, b), c);
     return max(max(most_away.x, most_away.y), most_away.z);
-}
-
-fn distance3(p: vec3<f32>, q: vec3<f32>) -> vec3<f32> {
-    return vec3<f32>(difference(p.x, q.x), difference(p.y, q.y), difference(p.z, q.z));
 }

@@ -22,9 +22,9 @@ fn batch_ray(index: u32) -> Ray {
     return ray_of_words(rays[2u * index], rays[2u * index + 1u]);
 }
 
-// The answer to an any-hit query: 1 for a hit, 0 for none, 2 for a ray that the driver did not let finish, 3 for one that
+// The answer to an any-hit query: 1 for a hit, 0 for none, 2 for a ray that was not followed to its end (yet), 3 for one that
 // is undecided.
 fn occluded_word(hit: Hit) -> u32 {
-    let marked = select(select(0u, 2u, hit.triangle == UNFINISHED), 3u, hit.triangle == UNDECIDED_HIT);
+    let marked = select(select(0u, 2u, is_unfinished(hit)), 3u, hit.triangle == UNDECIDED_HIT);
     return select(marked, 1u, is_hit(hit));
 }

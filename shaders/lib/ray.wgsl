@@ -14,7 +14,7 @@ struct Ray {
 // is NO_TRIANGLE, `t` GREATEST (WGSL has no infinity) and the weights 0. `triangle` is UNFINISHED, and
 // the rest as for a miss, when the driver ended the traversal early. It is UNDECIDED_HIT when a test that
 // tells exact hits leaves open which it is; whatever may be hit is no nearer than `t`. It is DEFERRED when the ray is
-// left to another shader, and UNSETTLED when all but the triangles that are set aside is known; nobody but that shader sees these.
+// left to another shader, and UNSETTLED when all but the triangles that are set aside is known; a ray that is still so afterwards counts as unfinished.
 struct Hit {
     t: f32,
     triangle: u32,
@@ -54,6 +54,11 @@ fn no_hit() -> Hit {
 
 fn is_hit(hit: Hit) -> bool {
     return hit.triangle < UNSETTLED;
+}
+
+// Whether the ray was not followed to its end: the driver ended its walk, or it was left to another shader, which has not taken it up.
+fn is_unfinished(hit: Hit) -> bool {
+    return hit.triangle == UNFINISHED || hit.triangle == DEFERRED || hit.triangle == UNSETTLED;
 }
 
 // A ray from the 32 bytes of its record.

@@ -14,7 +14,7 @@ fn worthwhile(weight: vec3<f32>) -> bool {
 // What a path's ray met and what follows from it.
 fn shade(direction: vec3<f32>, path: Path, hit: Hit, wave: u32) -> Surface {
     var surface = no_surface();
-    if hit.triangle == UNFINISHED {
+    if is_unfinished(hit) {
         surface.flags = SURFACE_UNFINISHED;
         return surface;
     }

@@ -13,6 +13,11 @@ struct Sheared {
     c: vec2<f32>,
 }
 
+// A vector in the order of the sheared axes.
+fn along(axes: vec3<u32>, v: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(on_axis(v, axes.x), on_axis(v, axes.y), on_axis(v, axes.z));
+}
+
 // A corner less the origin, in the order of the sheared axes.
 fn corner_away(axes: vec3<u32>, corner: vec3<f32>, origin: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(

@@ -52,12 +52,14 @@ fn is_culled(side: i32, culling: u32) -> bool {
 }
 
 // A triangle as seen from the origin, of a scene that is not wide.
-fn sheared(ray: PreparedRay, triangle: Triangle) -> Sheared {
+fn sheared(ray: PreparedRay, triangle: u32) -> Sheared {
     var seen: Sheared;
     let axes = axes_of(ray);
-    seen.away_a = corner_away(axes, triangle.a, ray.origin);
-    seen.away_b = corner_away(axes, triangle.b, ray.origin);
-    seen.away_c = corner_away(axes, triangle.c, ray.origin);
+    let corners = corners_along(triangle, axes);
+    let origin = along(axes, ray.origin);
+    seen.away_a = distance3(corners.a, origin);
+    seen.away_b = distance3(corners.b, origin);
+    seen.away_c = distance3(corners.c, origin);
     seen.a = shear_corner(seen.away_a, ray.shear);
     seen.b = shear_corner(seen.away_b, ray.shear);
     seen.c = shear_corner(seen.away_c, ray.shear);
@@ -70,10 +72,8 @@ fn finish_test(
     ray: PreparedRay,
     origin: vec3<f32>,
     index: u32,
-    triangle: Triangle,
     seen: Sheared,
     edges: vec3<f32>,
-    side: i32,
     t_min: f32,
     t_max: f32,
     stop: f32,
@@ -95,11 +95,14 @@ fn finish_test(
         product(edges.z, depths.z),
     );
     let width = width_of(seen);
-    let area = product(reach_again(origin, triangle, index, seen), width);
     let spread = difference(farthest, nearest);
-    let disorder = product(area, spread);
     let fat = most(product(product(width, width), SLIVER), DET_LEAST);
     let eightfold = product(8.0, abs(total));
+    // Disorder is the reach times the width times the spread. Nearly always a bound that takes no corners says enough.
+    var disorder = free_mul(free_mul(loose_reach(seen, width), width), spread);
+    if abs(det) < fat || most(disorder, SUM_LEAST) > eightfold {
+        disorder = product(product(reach_again(origin, index, seen), width), spread);
+    }
     var hit = Candidate(true, false, 0.0, vec3<f32>(edges.y, edges.z, det));
     if abs(det) >= fat && most(disorder, SUM_LEAST) <= eightfold {
         if free_mul(total, free_reciprocal(det)) > stop {
@@ -145,6 +148,17 @@ fn reach_of(seen: Sheared) -> f32 {
     return max(max(most_away.x, most_away.y), most_away.z);
 }
 
+// Not less than `reach_of`, and at most a little more than three times that: slopes are at most 1, so a corner is no farther off across the ray than
+// its image and its distance along the ray together.
+fn loose_reach(seen: Sheared, width: f32) -> f32 {
+    let deepest = max(max(abs(seen.away_a.z), abs(seen.away_b.z)), abs(seen.away_c.z));
+    return free_mul(0x1.004p+0f, free_mul_add(1.0, width, deepest));
+}
+
+fn distance3(p: vec3<f32>, q: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(difference(p.x, q.x), difference(p.y, q.y), difference(p.z, q.z));
+}
+
 // The greatest sheared coordinate.
 fn width_of(seen: Sheared) -> f32 {
     let widest = max(max(abs(seen.a), abs(seen.b)), abs(seen.c));
@@ -156,8 +170,7 @@ fn watertight(ray: PreparedRay, index: u32, culling: u32, stop: f32) -> Candidat
     if ray.wide {
         return open_candidate();
     }
-    let triangle = corners_of(index);
-    let seen = sheared(ray, triangle);
+    let seen = sheared(ray, index);
     let edges = edge_functions(seen);
     let side = side_met(seen, edges);
     if side == SIDE_OPEN {
@@ -167,7 +180,7 @@ fn watertight(ray: PreparedRay, index: u32, culling: u32, stop: f32) -> Candidat
         return no_candidate();
     }
     let limits = inner_limits(ray);
-    return finish_test(ray, ray.origin, index, triangle, seen, edges, side, limits.x, limits.y, stop);
+    return finish_test(ray, ray.origin, index, seen, edges, limits.x, limits.y, stop);
 }
 
 // The triangle test of this shader.

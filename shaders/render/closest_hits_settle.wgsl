@@ -26,7 +26,7 @@ fn main(
         return;
     }
     let found = hits[index].y;
-    if found >= UNFINISHED {
+    if found >= UNSETTLED && found != UNDECIDED_HIT {
         return;
     }
     let first = rays[2u * index];

@@ -25,7 +25,7 @@ fn main(
         if index < count && paths[index].sequence == 0u {
             let hit = hits[index];
             var normal = vec3<f32>(0.0);
-            if hit.y < UNFINISHED {
+            if hit.y < UNSETTLED {
                 normal = normalized(plane_of(corners_of(hit.y)).scaled_normal);
                 let direction = bitcast<vec3<f32>>(rays[2u * index + 1u].xyz);
                 if dot3(normal, direction) > 0.0 {

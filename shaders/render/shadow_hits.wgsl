@@ -29,6 +29,8 @@ fn main(
         let hit = trace_ray(ray, options, true);
         if hit.triangle == DEFERRED || hit.triangle == UNSETTLED {
             defer_ray(DEFERRED_SHADOW_RAYS, index, left_aside(hit));
+            // Until it is taken up.
+            shadow_light[index].w = 1.0;
         } else if hit.triangle == UNDECIDED_HIT {
             let light = shadow_light[index].xyz;
             leave_undecided(UNDECIDED_SHADOW_RAYS, index, NO_TRIANGLE, first, second, light);

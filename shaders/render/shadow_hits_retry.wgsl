@@ -26,6 +26,7 @@ fn main(
         let index = atomicLoad(&deferred_rays[at]);
         to_take_up = vec3<u32>(
             atomicLoad(&deferred_rays[at + 1u]), atomicLoad(&deferred_rays[at + 2u]), atomicLoad(&deferred_rays[at + 3u]));
+        shadow_light[index].w = 0.0;
         let first = shadow_rays[2u * index];
         let second = shadow_rays[2u * index + 1u];
         let ray = ray_of_words(first, second);

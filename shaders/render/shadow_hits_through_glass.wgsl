@@ -31,6 +31,8 @@ fn main(
         let hit = trace_ray(ray, options, false);
         if hit.triangle == DEFERRED {
             defer_ray(DEFERRED_SHADOW_RAYS, index, vec3<u32>());
+            // Until it is taken up.
+            shadow_light[index].w = 1.0;
         } else if hit.triangle == UNFINISHED {
             shadow_light[index] = vec4<f32>(0.0, 0.0, 0.0, 1.0);
         } else if is_undecided(hit) {

@@ -25,6 +25,7 @@ fn main(
     for (var place = group.x * TRACED + lane; place < count; place += groups.x * TRACED) {
         let index = atomicLoad(&deferred_rays[DEFERRED_HEAD + 4u * place]);
         begin_light(shadow_light[index].xyz);
+        shadow_light[index].w = 0.0;
         let first = shadow_rays[2u * index];
         let second = shadow_rays[2u * index + 1u];
         let ray = ray_of_words(first, second);
