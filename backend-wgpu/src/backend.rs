@@ -99,7 +99,13 @@ impl WgpuBackend {
         backend
     }
 
-    /// The same, with another text of what finishes the kernel's work.
+    /// Gives one build kernel another text from now on, or its own again; the others stay compiled.
+    #[doc(hidden)]
+    pub fn replace_kernel(&self, kernel: Kernel, source: Option<String>) {
+        self.shared.pipelines.replace::<TreeBuilder>(kernel, source);
+    }
+
+    /// As [`WgpuBackend::with_replaced_kernel`], with another text of what finishes the kernel's work.
     #[doc(hidden)]
     pub fn with_replaced_retry(gpu: Gpu, kernel: Kernel, source: String) -> WgpuBackend {
         let backend = WgpuBackend::without_selftest(gpu);
@@ -115,7 +121,7 @@ impl WgpuBackend {
         WgpuBackend { parity: Some(parity), ..backend }
     }
 
-    /// The same for a kernel of queries.
+    /// As [`WgpuBackend::with_replaced_kernel`], for a kernel of queries.
     #[doc(hidden)]
     pub fn with_replaced_query(gpu: Gpu, kernel: QueryKernel, source: String) -> WgpuBackend {
         let backend = WgpuBackend::without_selftest(gpu);

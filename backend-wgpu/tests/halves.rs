@@ -91,7 +91,7 @@ const PLANTED: [(Kernel, &str, &str); 8] = [
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn a_planted_fault_is_seen() {
-    let gpu = gpu(BINDING);
+    let backend = WgpuBackend::without_selftest(gpu(BINDING));
     let default = BuildConfig::default();
     let scenes =
         [(scene(), default), (scenes::identical(12_000), BuildConfig { max_depth: 2, ..default })];
@@ -100,11 +100,12 @@ fn a_planted_fault_is_seen() {
         let source = splitplane_shaders::join(&splitplane_shaders::parts_by_halves(shader));
         assert!(source.contains(from), "{from}");
         let planted = source.replacen(from, to, 1);
-        let backend = WgpuBackend::with_replaced_kernel(gpu.clone(), kernel, planted);
+        backend.replace_kernel(kernel, Some(planted));
         let seen = |(scene, config): &(Scene, BuildConfig)| {
             in_step(&backend, &scene.mesh(), config).is_err()
         };
         assert!(scenes.iter().any(seen), "{kernel:?}: {to}");
+        backend.replace_kernel(kernel, None);
     }
 }
 
