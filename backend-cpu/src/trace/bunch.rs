@@ -211,9 +211,11 @@ impl<L: Leaves, const ANY: bool> Compiled for FlyReady<'_, '_, L, ANY> {
         let mut leaf_room = L::room();
         let Bunch { ray_states, lanes, stacks, room, ready, hits, .. } = bunch;
         let (room, stacks) = (*room, stacks.as_mut_ptr());
-        // SAFETY: a stack has twice as many words as entries.
-        let stack =
-            |at: *mut u32| TraversalStack { children: at, t: unsafe { at.add(room) }.cast() };
+        let stack = |at: *mut u32| TraversalStack {
+            children: at,
+            // A stack has twice as many words as entries.
+            t: at.wrapping_add(room).cast(),
+        };
         // Rays at nodes, and rays at blocks.
         let (mut nodes, mut blocks) = (core::mem::take(ready), 0u32);
         for number in lanes_of(nodes) {
