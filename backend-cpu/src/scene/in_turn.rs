@@ -141,7 +141,6 @@ impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for InTurn<'a, T, L> {
                 }
             }
         }
-        supply.give_back();
         Ok(Work { entered, rejected: 0 })
     }
 }

@@ -20,17 +20,16 @@ use super::seen::WorldRay;
 use super::way::{Entry, Way, range};
 use crate::memory::{boxed, lengthen};
 use crate::simd::{Compiled, Simd};
-use crate::trace::batch::{Answers, RayBatch};
-use crate::trace::bunch::{FlyReady, ReadyMany};
-use crate::trace::prepare::CHUNK;
-use crate::trace::stream::Flight;
+use crate::trace::batch::RayBatch;
+use crate::trace::bunch::{Bunch, FlyReady, PART, ReadyMany, lanes_of};
+use crate::trace::prepare::{CHUNK, RECORD};
 
-/// So few rays are prepared one by one.
-const FEW: u32 = 8;
+/// So few rays, times the lanes of a vector, are prepared one by one: to prepare all takes the fewer steps the more lanes there are.
+const FEW_VECTORS: u32 = 64;
 
 /// Memory, kept from one to the next.
 pub(super) struct Room {
-    flight: Box<Flight>,
+    bunch: Box<Bunch>,
     stack: Vec<Entry>,
     pub(super) way: Box<Way>,
 }
@@ -43,12 +42,7 @@ impl Room {
     pub(super) fn new(top: usize, room: usize) -> Result<Room, TryReserveError> {
         let mut stack = Vec::new();
         lengthen(&mut stack, top + TOP_WIDTH, Entry::NONE)?;
-        Ok(Room { flight: Flight::borrow(room)?, stack, way: boxed(|| Way::NONE)? })
-    }
-
-    /// Gives the memory of flights back.
-    pub(super) fn give_back(self) {
-        self.flight.give_back();
+        Ok(Room { bunch: Bunch::new(room)?, stack, way: boxed(|| Way::NONE)? })
     }
 }
 
@@ -70,13 +64,14 @@ impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for Together<'a, '_, T, L> {
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> u64 {
         let Together { scene, geometries, options, rays, answers, room, .. } = self;
-        let Room { flight, stack, way } = room;
+        let Room { bunch, stack, way } = room;
         let tree = scene.top_tree();
         let nodes = tree.nodes();
         answers.fill(T::NONE);
         let mut entered = 0;
+        let few = FEW_VECTORS / S::N as u32;
         let stack = stack.as_mut_ptr();
-        let mut seen = [[0.0; CHUNK]; 8];
+        let mut seen = [[[0.0; PART]; RECORD]; CHUNK / PART];
         // SAFETY: the caller's contract; the tree's nodes, and a stack for it.
         let mut top = unsafe { way.step::<S::Eight>(&nodes[0], 0, stack) };
         // SAFETY: as above.
@@ -87,13 +82,12 @@ impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for Together<'a, '_, T, L> {
             let geometry = placement.instance.geometry;
             let Some(reached) = geometries.get(geometry) else { continue };
             let query = options.of_geometry(asked.culling, asked.ignore, None);
-            let (mut hits, mut any) = ([Hit::MISS; CHUNK], [false; CHUNK]);
+            bunch.clear();
             match reached {
                 Reached::Shapes(shapes) => {
                     for lane in lanes_of(met) {
                         let seen = seen_by(placement, &rays[lane], &answers[lane].best());
-                        hits[lane] = shapes.trace(&seen, &query, T::QUERY, |_| true);
-                        any[lane] = hits[lane].is_hit();
+                        bunch.answer(lane, shapes.trace(&seen, &query, T::QUERY, |_| true));
                     }
                 }
                 Reached::Triangles(accelerator) => {
@@ -109,41 +103,41 @@ impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for Together<'a, '_, T, L> {
                         options: &query,
                         query: T::QUERY,
                     };
-                    let mut to = match T::QUERY {
-                        Query::Any => Answers::Any(&mut any),
-                        Query::Closest => Answers::Hits(&mut hits),
-                    };
                     // SAFETY: the caller's contract.
                     unsafe {
-                        let many = met.count_ones() > FEW && placement.ordinary;
+                        let many = met.count_ones() > few && placement.ordinary;
                         let special = if many {
-                            way.seen_by::<S>(placement, &mut seen);
-                            S::call(ReadyMany { flight, batch: &batch, rows: &seen, asked: met })
+                            way.seen_by::<S>(placement, met, &mut seen);
+                            S::call(ReadyMany { bunch, batch: &batch, rows: &seen, asked: met })
                         } else {
                             let mut special = 0;
                             for lane in lanes_of(met) {
                                 let limits = [way.t_min[lane], way.limit[lane]];
                                 let seen = WorldRay::new(&rays[lane]).seen_by(placement, limits);
-                                special |= flight.ready_one::<S>(&batch, &seen, lane) << lane;
+                                special |= bunch.ready_one::<S>(&batch, &seen, lane) << lane;
                             }
                             special
                         };
                         for lane in lanes_of(special) {
                             let seen = &seen_by(placement, &rays[lane], &answers[lane].best());
-                            flight.ready_special::<S>(&batch, seen, lane, &mut to);
+                            bunch.ready_special::<S>(&batch, seen, lane);
                         }
-                        let (batch, answers) = (&batch, &mut to);
-                        S::call(FlyReady { flight, batch, leaves, answers });
+                        let batch = &batch;
+                        match T::QUERY {
+                            Query::Any => S::call(FlyReady::<_, true> { bunch, batch, leaves }),
+                            Query::Closest => {
+                                S::call(FlyReady::<_, false> { bunch, batch, leaves });
+                            }
+                        }
                     }
                 }
             }
             entered += u64::from(met.count_ones());
             let mut better = false;
-            for lane in lanes_of(met) {
+            for lane in lanes_of(bunch.hits()) {
                 let hit = match T::QUERY {
-                    Query::Any if any[lane] => Hit { t: 0.0, triangle: 0, u: 0.0, v: 0.0 },
-                    Query::Any => continue,
-                    Query::Closest => hits[lane],
+                    Query::Any => Hit { t: 0.0, triangle: 0, u: 0.0, v: 0.0 },
+                    Query::Closest => *bunch.hit(lane),
                 };
                 better |= way.improve(
                     &mut answers[lane],
@@ -158,14 +152,4 @@ impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for Together<'a, '_, T, L> {
         }
         entered
     }
-}
-
-/// The lanes of bits.
-#[cfg_attr(not(unoptimised), inline(always))]
-fn lanes_of(mut bits: u32) -> impl Iterator<Item = usize> {
-    core::iter::from_fn(move || {
-        let lane = bits.trailing_zeros() as usize;
-        bits &= bits.wrapping_sub(1);
-        (lane < CHUNK).then_some(lane)
-    })
 }

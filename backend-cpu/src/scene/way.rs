@@ -11,10 +11,11 @@ use splitplane_core::scene::{
 use super::top_walk::{PRODUCT_MOST, Planes};
 use super::turn_ray::TurnRay;
 use crate::simd::{MOST_LANES, Simd};
+use crate::trace::bunch::{PART, PartRows};
 use crate::trace::prepare::{CHUNK, PerRay, RECORD};
 
 /// Slopes of rays that go the same way differ by less than this, parts of the greatest component, on all axes together.
-const SLOPE_SPREAD: f32 = 0.2;
+const SLOPE_SPREAD: f32 = 0.3;
 /// Their origins differ by less than this part of the extents of all instances together.
 const ORIGIN_SPREAD: f32 = 1.0;
 
@@ -349,7 +350,8 @@ impl Way {
         None
     }
 
-    /// The rays as an instance sees them, none of whose numbers is snapped: the operations of [`WorldRay::seen_by`].
+    /// The rays as an instance sees them, none of whose numbers is snapped: the operations of [`WorldRay::seen_by`]. In parts of as many rays as are
+    /// prepared together, of which those may stay as they are that have none of these.
     ///
     /// # Safety
     /// The processor must have the set.
@@ -357,10 +359,15 @@ impl Way {
     pub(super) unsafe fn seen_by<S: Simd>(
         &self,
         placement: &Placement,
-        seen: &mut [PerRay<f32>; 8],
+        met: u32,
+        seen: &mut [PartRows; CHUNK / PART],
     ) {
         let rows = &placement.space.inverse;
         for lane in (0..CHUNK).step_by(S::N) {
+            if met >> lane & (u32::MAX >> (32 - S::N)) == 0 {
+                continue;
+            }
+            let (seen, at) = (&mut seen[lane / PART], lane % PART);
             for axis in 0..3 {
                 let [a, b, c, d] = rows[axis];
                 // SAFETY: the caller's contract; rows have the lanes.
@@ -376,12 +383,15 @@ impl Way {
                         if to < 4 {
                             sum = S::add(sum, d);
                         }
-                        S::store(seen[to].as_mut_ptr().add(lane), sum);
+                        S::store(seen[to].as_mut_ptr().add(at), sum);
                     }
                 }
             }
         }
-        (seen[3], seen[7]) = (self.t_min, self.limit);
+        for (part, seen) in seen.iter_mut().enumerate() {
+            seen[3].copy_from_slice(&self.t_min[part * PART..][..PART]);
+            seen[7].copy_from_slice(&self.limit[part * PART..][..PART]);
+        }
     }
 }
 

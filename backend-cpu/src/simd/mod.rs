@@ -243,8 +243,7 @@ pub(crate) trait Simd: ReferenceOps + Copy {
     }
 
     /// Writes the children of a mask, of eight, to the end of a stack with the `t` of each, the least `t` last. Those that differ by less than 2^-20 of
-    /// themselves may be exchanged. `N` elements are written in all. Only for sets of eight lanes. No `t` of the mask is below the least finite number, or no
-    /// number.
+    /// themselves, or by less than 2^-146, may be exchanged. `N` elements are written in all. Only for sets of eight lanes. Each `t` of the mask must be finite.
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn push_nearest_last(
         children: *const u32,

@@ -273,6 +273,63 @@ unsafe fn check_columns<S: Simd>() {
     }
 }
 
+/// Stacks of the tree over instances, whose nodes have eight children whatever the set.
+///
+/// # Safety
+/// The processor must have the set, which must have eight lanes.
+#[cfg_attr(not(unoptimised), inline(always))]
+unsafe fn check_nearest_last<S: Simd>() {
+    const BEFORE: usize = 3;
+    let mut random = Random::new(23);
+    // Near enough to be exchanged.
+    let near = |t: f32| t.abs() * (1.0 / f32::from(1u16 << 10).powi(2)) + 8.0 * f32::from_bits(1);
+    let (mut in_order, mut equal) = (0, 0);
+    for round in 0..if cfg!(miri) { 20 } else { 20_000 } {
+        let of = |random: &mut Random| match round % 4 {
+            // Of every size, of which some are equal.
+            0 => random.pick(&[0.0, -0.0, 1.0, -1.0, 3.5, 1e-38, -1e-45, f32::MAX, -f32::MAX]),
+            // Finite ones of all bits.
+            1 => Some(f32::from_bits(random.bits())).filter(|t| t.is_finite()).unwrap_or(0.0),
+            // Next to one another.
+            2 => f32::from_bits(1.5f32.to_bits() + random.below(40) as u32),
+            _ => random.between(-10.0, 10.0) as f32,
+        };
+        let mut t = [f32::NAN; MOST_LANES];
+        let met = random.bits() & 0xff;
+        for (lane, t) in t[..8].iter_mut().enumerate() {
+            // What is not met may be anything.
+            *t = if met >> lane & 1 != 0 { of(&mut random) } else { float(&mut random) };
+        }
+        let is_met: [f32; MOST_LANES] = core::array::from_fn(|lane| (met >> lane & 1) as f32);
+        let children: [u32; MOST_LANES] = core::array::from_fn(|_| random.bits());
+        let (mut to, mut to_t) = ([7u32; 24], [7.0f32; 24]);
+        // SAFETY: the caller's contract; rows have as many elements as any set has lanes, and there is room for eight.
+        let count = unsafe {
+            let mask = S::le(S::splat(1.0), S::load(is_met.as_ptr()));
+            let (to, to_t) = (to.as_mut_ptr().add(BEFORE), to_t.as_mut_ptr().add(BEFORE));
+            S::push_nearest_last(children.as_ptr(), S::load(t.as_ptr()), mask, to, to_t)
+        };
+        assert_eq!(count, met.count_ones() as usize);
+        assert_eq!((&to[..BEFORE], &to_t[..BEFORE]), (&[7; BEFORE][..], &[7.0; BEFORE][..]));
+        assert_eq!((&to[BEFORE + 8..], &to_t[BEFORE + 8..]), (&[7; 13][..], &[7.0; 13][..]));
+        // Each child with the `t` that it had, once.
+        let told = to[BEFORE..][..count].iter().zip(&to_t[BEFORE..][..count]);
+        let mut told: Vec<(u32, u32)> = told.map(|(child, t)| (*child, t.to_bits())).collect();
+        let lanes = (0..8).filter(|lane| met >> lane & 1 != 0);
+        let mut expected: Vec<(u32, u32)> =
+            lanes.map(|lane| (children[lane], t[lane].to_bits())).collect();
+        told.sort_unstable();
+        expected.sort_unstable();
+        assert_eq!(told, expected, "{t:?} {met:08b}");
+        for pair in to_t[BEFORE..][..count].windows(2) {
+            assert!(pair[0] >= pair[1] - near(pair[1]), "{t:?} {met:08b}: {to_t:?}");
+            in_order += usize::from(pair[0] > pair[1] + near(pair[1]));
+            equal += usize::from(pair[0].to_bits() == pair[1].to_bits());
+        }
+    }
+    assert!(cfg!(miri) || (in_order > 10_000 && equal > 1_000), "{in_order} {equal}");
+}
+
 struct Operations;
 
 impl Compiled for Operations {
@@ -285,6 +342,7 @@ impl Compiled for Operations {
             check::<S>();
             check_stacks::<S>();
             check_columns::<S>();
+            check_nearest_last::<S::Eight>();
         }
     }
 }

@@ -260,23 +260,33 @@ impl<const N: usize> PreparedRays<N> {
         let mut alive = [1u32; N];
         let mut special = [u32::from(scene.is_wide()); N];
         let mut largest = [0.0f32; N];
-        self.shifted = [0; N];
+        let mut shifted = [0u32; N];
         for axis in 0..3 {
+            // Rows of this loop's own, those of the scene too: else the compiler takes one ray at a time here, which takes as long as all the rest.
+            let (from, along) = (*origins[axis], *directions[axis]);
+            let [mut near_lo, mut near_hi, mut zero] = [[0.0f32; N]; 3];
             for i in 0..N {
-                let (o, d) = (origins[axis][i], directions[axis][i]);
+                near_lo[i] = scene.number(NEAR_LO + axis, i);
+                near_hi[i] = scene.number(NEAR_HI + axis, i);
+                zero[i] = scene.number(ORIGIN, i);
+            }
+            let [mut origin, mut direction] = [[0.0f32; N]; 2];
+            for i in 0..N {
+                let (o, d) = (from[i], along[i]);
                 alive[i] &= u32::from(o.abs() <= f32::MAX) & u32::from(d.abs() <= f32::MAX);
                 let o = snap(o);
-                let near =
-                    (scene.number(NEAR_LO + axis, i) <= o) & (o <= scene.number(NEAR_HI + axis, i));
-                special[i] |= u32::from(!near) | u32::from(o.abs() > COORDINATE_MOST);
-                let taken = if o.abs() < ORIGIN_LEAST { scene.number(ORIGIN, i) } else { o };
-                self.origin[axis][i] = taken;
-                self.shifted[i] |= u32::from(o != taken);
+                let near = u32::from(near_lo[i] <= o) & u32::from(o <= near_hi[i]);
+                special[i] |= (near ^ 1) | u32::from(o.abs() > COORDINATE_MOST);
+                let taken = if o.abs() < ORIGIN_LEAST { zero[i] } else { o };
+                origin[i] = taken;
+                shifted[i] |= u32::from(o != taken);
                 let d = snap(d);
-                self.direction[axis][i] = d;
+                direction[i] = d;
                 largest[i] = if d.abs() > largest[i] { d.abs() } else { largest[i] };
             }
+            (self.origin[axis], self.direction[axis]) = (origin, direction);
         }
+        self.shifted = shifted;
         let mut to_unit = [0.0f32; N];
         for i in 0..N {
             let (t_min, t_max) = (given_t_min[i], given_t_max[i]);

@@ -30,15 +30,13 @@ use crate::memory::{boxed, lengthen};
 use crate::simd::{Compiled, Simd};
 
 /// Memory of the rays under way, kept between batches.
-pub(crate) struct Flight {
+struct Flight {
     lanes: Vec<Lane>,
     /// Their stacks.
     stacks: Vec<u32>,
-    pub(super) ready: PreparedRays,
-    pub(super) ray_states: [RayState; CHUNK],
+    ready: PreparedRays,
+    ray_states: [RayState; CHUNK],
     packet: Packet,
-    /// Rays that were made ready elsewhere.
-    pub(super) left: u32,
 }
 
 impl Flight {
@@ -47,24 +45,23 @@ impl Flight {
         let (lanes, stacks) = (Vec::new(), Vec::new());
         let (ready, ray_states, packet) =
             (PreparedRays::NONE, [RayState::none(); CHUNK], Packet::new());
-        Flight { lanes, stacks, ready, ray_states, packet, left: 0 }
+        Flight { lanes, stacks, ready, ray_states, packet }
     }
 
     /// Takes this thread's memory, for stacks of so many entries.
     ///
     /// # Errors
     /// No memory.
-    pub(crate) fn borrow(room: usize) -> Result<Box<Flight>, TryReserveError> {
+    fn borrow(room: usize) -> Result<Box<Flight>, TryReserveError> {
         // `None` while the thread is being destroyed.
         let kept = IN_FLIGHT.try_with(RefCell::take).ok().flatten();
         let mut flight = kept.map_or_else(|| boxed(Flight::new), Ok)?;
-        flight.left = 0;
         flight.make_room(room)?;
         Ok(flight)
     }
 
     /// Keeps it for the next batch.
-    pub(crate) fn give_back(self: Box<Flight>) {
+    fn give_back(self: Box<Flight>) {
         let _ = IN_FLIGHT.try_with(|kept| kept.replace(Some(self)));
     }
 
@@ -123,16 +120,11 @@ impl Compiled for Stream<'_> {
         unsafe {
             match IndexedLeaves::of(batch.layout) {
                 None => {
-                    fly::<S, _>(
-                        batch,
-                        0,
-                        PackedLeaves::new(batch.layout),
-                        &mut flight,
-                        &mut answers,
-                    );
+                    let leaves = PackedLeaves::new(batch.layout);
+                    fly::<S, _>(batch, leaves, &mut flight, &mut answers);
                 }
                 Some(leaves) => {
-                    fly::<S, IndexedLeaves<'_>>(batch, 0, leaves, &mut flight, &mut answers);
+                    fly::<S, IndexedLeaves<'_>>(batch, leaves, &mut flight, &mut answers);
                 }
             }
         }
@@ -141,15 +133,14 @@ impl Compiled for Stream<'_> {
     }
 }
 
-/// Traces what the batch has, and before it the rays of `left`, which were made ready elsewhere.
+/// Traces what the batch has.
 ///
 /// # Safety
 /// The processor must have the set, for whose width the layout was made; the flight must have space
-/// for its stacks, and ray states for the rays of `left`.
+/// for its stacks.
 #[cfg_attr(not(unoptimised), inline(always))]
-pub(super) unsafe fn fly<S: Simd, L: Leaves>(
+unsafe fn fly<S: Simd, L: Leaves>(
     batch: RayBatch<'_>,
-    left: u32,
     leaves: L,
     flight: &mut Flight,
     answers: &mut Answers<'_>,
@@ -163,7 +154,7 @@ pub(super) unsafe fn fly<S: Simd, L: Leaves>(
     let bounds = [scene.bounds, layout.large.others];
     let errors = [[0.0; 2]; 2];
     let mut supply =
-        Supply { batch, next: 0, left, moved: u32::MAX, errors, ready, ray_states, packet };
+        Supply { batch, next: 0, left: 0, moved: u32::MAX, errors, ready, ray_states, packet };
     let (mut queues, mut unfinished) = (Queues::IDLE, Unfinished::new());
     for (lane, stack) in lanes.iter_mut().zip(stacks.chunks_exact_mut(2 * room)) {
         lane.ray_state.index = RayState::NO_RAY;

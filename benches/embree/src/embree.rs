@@ -3,6 +3,7 @@
 
 use std::ffi::{CString, c_char, c_void};
 use std::path::Path;
+use std::sync::atomic::{AtomicI64, Ordering};
 
 use libloading::Library;
 use splitplane_core::ray::Ray;
@@ -17,6 +18,22 @@ pub(crate) type Handle = *mut c_void;
 type Release = unsafe extern "C" fn(Handle);
 /// `rtcIntersect1` and `rtcOccluded1` differ in what the second argument points to; the latter reads the ray alone.
 type Query = unsafe extern "C" fn(Handle, *mut RayHit, *mut Arguments);
+
+/// What Embree tells of its memory: bytes that it takes, less than none for those that it returns.
+type Monitor = unsafe extern "C" fn(Handle, isize, bool) -> bool;
+
+/// Bytes that all of Embree's devices hold.
+static HELD: AtomicI64 = AtomicI64::new(0);
+
+unsafe extern "C" fn count_bytes(_: Handle, bytes: isize, _: bool) -> bool {
+    HELD.fetch_add(bytes as i64, Ordering::Relaxed);
+    true
+}
+
+/// Bytes that Embree holds, among them its copies of vertices and of indices.
+pub(crate) fn bytes_held() -> i64 {
+    HELD.load(Ordering::Relaxed)
+}
 
 /// `RTCRayHit`.
 #[repr(C, align(16))]
@@ -116,6 +133,7 @@ impl Embree {
             }
             let new_device =
                 function!(b"rtcNewDevice\0": unsafe extern "C" fn(*const c_char) -> Handle);
+            let monitor = function!(b"rtcSetDeviceMemoryMonitorFunction\0": unsafe extern "C" fn(Handle, Monitor, Handle));
             let property =
                 function!(b"rtcGetDeviceProperty\0": unsafe extern "C" fn(Handle, u32) -> isize);
             let new_buffer = function!(b"rtcSetNewGeometryBuffer\0": unsafe extern "C" fn(Handle, u32, u32, u32, usize, usize) -> *mut c_void);
@@ -149,6 +167,7 @@ impl Embree {
             if device.is_null() {
                 return Err("rtcNewDevice failed".into());
             }
+            monitor(device, count_bytes, std::ptr::null_mut());
             let native = (property(device, NATIVE_RAY8), property(device, NATIVE_RAY16));
             if isa == Some("avx2") && native != (1, 0) {
                 return Err("Embree was not held to AVX2".into());

@@ -190,7 +190,14 @@ fn measure(path: &Path, options: &Options, pool: &rayon::ThreadPool) -> Result<(
     }
     let backend = CpuBackend::with_instruction_set(set);
     if let Some(places) = &places {
+        let of_mesh = embree::bytes_held();
         place_in_turns(&mut embree, &backend, &mesh, places, (options, pool))?;
+        let all = embree::bytes_held();
+        let copies = size_of_val(&scene.positions[..]) + size_of_val(&scene.indices[..]);
+        println!(
+            "  Embree: {all} bytes, {} of them beside the mesh, {copies} vertices and indices",
+            all - of_mesh
+        );
     }
     let mut contestants = vec![Contestant {
         name: "Embree".into(),

@@ -41,11 +41,6 @@ impl Supply {
         let ready = boxed(|| [TurnRay::NONE; CHUNK])?;
         Ok(Supply { next: 0, start: 0, left: 0, ready, room: Room::new(top, room)? })
     }
-
-    /// Gives the memory of flights back.
-    pub(super) fn give_back(self) {
-        self.room.give_back();
-    }
 }
 
 /// Takes the answers of rays that are done, and gives their lanes others, as long as there are some.
