@@ -32,6 +32,12 @@ impl DepthFirstScratch {
         bytes_of(&self.counts) + self.tasks.bytes()
     }
 
+    /// Frees all memory, but still knows of which mesh a build was void.
+    pub(crate) fn give_back(&mut self) {
+        let voided = self.voided;
+        *self = DepthFirstScratch { voided, ..DepthFirstScratch::default() };
+    }
+
     /// Whether the last void build was not of a mesh of `triangles` triangles by this configuration.
     pub(crate) fn is_promising(&self, triangles: u32, config: &BuildConfig) -> bool {
         self.voided != Some((triangles, *config))
