@@ -252,8 +252,8 @@ impl CpuBackend {
         let (bounds, triangles) = (buffers.root_bounds, counters[Counter::Triangles]);
         let config = options.config;
         // What is longer than the tree, from another build, stays here.
-        let fits = [buffers.nodes.capacity(), buffers.leaf_references.capacity()]
-            == [nodes, references];
+        let fits =
+            [buffers.nodes.capacity(), buffers.leaf_references.capacity()] == [nodes, references];
         let tree = if lists == Lists::GiveBack && fits {
             let nodes = core::mem::take(&mut buffers.nodes);
             let references = core::mem::take(&mut buffers.leaf_references);
