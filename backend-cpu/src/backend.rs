@@ -27,9 +27,8 @@ use crate::simd::InstructionSet;
 ///
 /// Scratch memory is kept between builds, counts towards their limits, and is freed where they leave no space for it. How
 /// much is kept depends on the call. [`CpuBackend::rebuild_accelerator`] keeps all, so that the next rebuild of the kind
-/// makes none anew. [`CpuBackend::build_accelerator`] frees the builder's lists before it makes the query layout, so that
-/// a build takes less than three times the memory of what it returns, on meshes of scenes; a first rebuild after it makes
-/// them anew. Lists of less than a mebibyte in all are kept by both.
+/// makes none anew. [`CpuBackend::build_accelerator`] frees the builder's lists before it makes the query layout; a first
+/// rebuild after it makes them anew. Lists of less than a mebibyte in all are kept by both.
 #[derive(Debug)]
 pub struct CpuBackend {
     scratch: Mutex<Option<Box<(BuildScratch, LayoutScratch)>>>,

@@ -16,7 +16,7 @@ pub struct Span {
     pub work: Duration,
     /// The longest chain.
     pub span: Duration,
-    /// What one task does alone, outside of all loops and within a branch of the division: part of the span.
+    /// What the first task does alone, outside of all loops and joins: nothing else can be done meanwhile. Part of the span.
     pub serial: Duration,
 }
 
@@ -30,7 +30,7 @@ impl Span {
 /// Measures what `work` does, by the clock, as if it had `threads` threads: the sizes of tasks depend on these. The calling thread must do
 /// all of it: it runs in a pool of one thread, this one.
 pub fn measure<T>(threads: usize, clock: fn() -> Duration, work: impl FnOnce() -> T) -> (Span, T) {
-    let (frames, loops, span) = (vec![Frame::branch()], Vec::new(), Span::default());
+    let (frames, loops, span) = (vec![Duration::ZERO], Vec::new(), Span::default());
     let (reading, last) = (reading(clock), clock());
     let recorder = Recorder { threads, clock, reading, last, span, frames, loops };
     RECORDER.with_borrow_mut(|own| *own = Some(recorder));
@@ -39,7 +39,7 @@ pub fn measure<T>(threads: usize, clock: fn() -> Duration, work: impl FnOnce() -
     let done = work();
     let span = with(|recorder| {
         recorder.tick();
-        Span { span: recorder.frames[0].span, ..recorder.span }
+        Span { span: recorder.frames[0], ..recorder.span }
     });
     drop(active);
     (span.unwrap_or_default(), done)
@@ -71,10 +71,10 @@ pub(crate) fn join<A: Send, B: Send>(
     if !is_active() {
         return rayon::join(a, b);
     }
-    with(|recorder| recorder.open(Frame::branch()));
+    with(|recorder| recorder.open());
     let a = a();
     let first = with(Recorder::close).unwrap_or_default();
-    with(|recorder| recorder.open(Frame::branch()));
+    with(|recorder| recorder.open());
     let b = b();
     let second = with(Recorder::close).unwrap_or_default();
     with(|recorder| recorder.add(first.max(second)));
@@ -96,7 +96,7 @@ pub(crate) fn piece() -> Piece {
     Piece(with(|recorder| {
         // The clock is read once for a task: pieces may be short.
         if recorder.loops.last().is_none_or(|pieces| pieces.count == 0) {
-            recorder.open(Frame { is_branch: false, ..Frame::branch() });
+            recorder.open();
         }
     }))
 }
@@ -113,7 +113,7 @@ pub(crate) fn task<T>(work: impl FnOnce() -> T) -> T {
 
 /// Work that many tasks do in this many equal parts.
 pub(crate) fn evenly<T>(parts: usize, work: impl FnOnce() -> T) -> T {
-    let open = with(|recorder| recorder.open(Frame { is_branch: false, ..Frame::branch() }));
+    let open = with(|recorder| recorder.open());
     let done = work();
     if open.is_some() {
         with(|recorder| {
@@ -214,15 +214,9 @@ struct Recorder {
     /// Until when time is accounted for.
     last: Duration,
     span: Span,
-    frames: Vec<Frame>,
+    /// The longest chain of each task under way, the innermost last.
+    frames: Vec<Duration>,
     loops: Vec<Pieces>,
-}
-
-/// A task under way.
-struct Frame {
-    span: Duration,
-    /// Whether other tasks wait for it: it divides work, where a piece does its own.
-    is_branch: bool,
 }
 
 /// A loop under way.
@@ -236,12 +230,6 @@ struct Pieces {
     longest: Duration,
 }
 
-impl Frame {
-    fn branch() -> Frame {
-        Frame { span: Duration::ZERO, is_branch: true }
-    }
-}
-
 impl Recorder {
     /// Accounts for the time since the last call.
     fn tick(&mut self) {
@@ -250,29 +238,27 @@ impl Recorder {
         self.last = now;
         let took = took.saturating_sub(self.reading);
         self.span.work += took;
-        if let Some(frame) = self.frames.last_mut() {
-            frame.span += took;
-            if frame.is_branch {
-                self.span.serial += took;
-            }
+        if self.frames.len() == 1 {
+            self.span.serial += took;
         }
+        self.add(took);
     }
 
-    fn open(&mut self, frame: Frame) {
+    fn open(&mut self) {
         self.tick();
-        self.frames.push(frame);
+        self.frames.push(Duration::ZERO);
     }
 
     /// Ends the innermost task. Returns its longest chain.
     fn close(&mut self) -> Duration {
         self.tick();
-        self.frames.pop().map_or(Duration::ZERO, |frame| frame.span)
+        self.frames.pop().unwrap_or_default()
     }
 
     /// Adds to the chain of the innermost task.
     fn add(&mut self, chain: Duration) {
         if let Some(frame) = self.frames.last_mut() {
-            frame.span += chain;
+            *frame += chain;
         }
     }
 }
@@ -332,7 +318,7 @@ mod tests {
             evenly(4, || take(8));
         };
         // 1 + 6 + 8 / 4.
-        assert_eq!(measured(branches), [24, 9, 1]);
+        assert_eq!(measured(branches), [24, 9, 0]);
     }
 
     #[test]

@@ -7,10 +7,8 @@
 mod bound;
 mod open_events;
 
-use core::ops::Range;
 use core::sync::atomic::AtomicU64;
 use core::sync::atomic::Ordering::Relaxed;
-use std::sync::Mutex;
 
 use rayon::prelude::*;
 use splitplane_core::error::BuildError;
@@ -50,10 +48,8 @@ pub(super) struct Bins {
     numbers: OpenNumbers,
     /// The bins that can hold it.
     open: Vec<Open>,
-    /// Their events, where one task has them all.
+    /// Their events.
     events: Vec<Event>,
-    /// Lists for the events of one bin each, where there are many tasks.
-    spare: Mutex<Vec<Vec<Event>>>,
     /// The bins of each reference's faces.
     places: Vec<FaceBins>,
     /// The results of tasks on parts of many references.
@@ -98,7 +94,6 @@ impl Default for Bins {
             numbers: [[CLOSED; MOST]; 3],
             open: Vec::new(),
             events: Vec::new(),
-            spare: Mutex::default(),
             places: Vec::new(),
             parts: Vec::new(),
             small: Small::default(),
@@ -154,12 +149,8 @@ pub(super) fn best_split(
     if bins.open.is_empty() {
         return Ok(None);
     }
-    let split = if parallel {
-        search.sweep_parts(bins)?
-    } else {
-        lengthen(memory, &mut bins.events, events, 0)?;
-        search.sweep(bins)
-    };
+    lengthen(memory, &mut bins.events, events, 0)?;
+    let split = if parallel { search.sweep_parts(bins, events)? } else { search.sweep(bins) };
     meter.check()?;
     Ok(split)
 }
@@ -243,34 +234,12 @@ impl BinSearch<'_> {
         best.split
     }
 
-    /// The same by many tasks, axis by axis, so that the events of one axis are held at a time.
-    fn sweep_parts(&self, bins: &mut Bins) -> Result<Option<Split>, BuildError> {
-        let mut best = BestSplit::below(self.limit);
-        // The result of another task; a hint that affects only how long the search takes.
-        let least = AtomicU64::new(self.limit.to_bits());
-        for axis in 0..3 {
-            let first = bins.open.partition_point(|open| open.axis < axis);
-            let end = bins.open.partition_point(|open| open.axis <= axis);
-            if first < end
-                && let Some(split) = self.sweep_axis(bins, first..end, &least)?
-            {
-                best.offer(split);
-            }
-        }
-        Ok(best.split)
-    }
-
-    /// Some open bins, of one axis: first a task for each part of the references, then one for each of the bins.
-    fn sweep_axis(
-        &self,
-        bins: &mut Bins,
-        some: Range<usize>,
-        least: &AtomicU64,
-    ) -> Result<Option<Split>, BuildError> {
-        let Bins { numbers, open, places, parts, spare, started, unfinished, .. } = bins;
-        let parts = &mut parts[..self.references.len().div_ceil(CHUNK)];
-        let ranges = ranges(&open[some.clone()]);
-        let chunks = self.references.par_chunks(CHUNK).zip(places.par_chunks(CHUNK));
+    /// The same by many tasks: first one a part of the references, then one an open bin.
+    fn sweep_parts(&self, bins: &mut Bins, all: usize) -> Result<Option<Split>, BuildError> {
+        let parts = &mut bins.parts[..self.references.len().div_ceil(CHUNK)];
+        let (numbers, open) = (&bins.numbers, &bins.open);
+        let ranges = ranges(open);
+        let chunks = self.references.par_chunks(CHUNK).zip(bins.places.par_chunks(CHUNK));
         let collecting = span::pieces_of(1);
         parts.par_iter_mut().zip(chunks).try_for_each(|(part, (references, places))| {
             let _piece = span::piece();
@@ -278,53 +247,57 @@ impl BinSearch<'_> {
                 return Ok(());
             }
             let places = &places[..references.len()];
-            self.collect(part, references, places, numbers, some.end, &ranges)
+            self.collect(part, references, places, numbers, open.len(), &ranges)
         })?;
         self.meter.check()?;
         drop(collecting);
+        let mut events = &mut bins.events[..];
+        let mut lists = self.memory.temporary(open.len())?;
+        for (number, open) in open.iter().enumerate() {
+            let end = bins.open.get(number + 1).map_or(all, |next| next.first as usize);
+            let (list, rest) = events.split_at_mut(end - open.first as usize);
+            lists.push((number, open, list));
+            events = rest;
+        }
         let parts = &*parts;
+        let (started, unfinished) = (&bins.started, &bins.unfinished);
+        // The result of another task; a hint that affects only how long the search takes.
+        let least = AtomicU64::new(self.limit.to_bits());
         let _loop = span::pieces_of(1);
-        let sweep_bin = |number: usize| -> Result<BestSplit, BuildError> {
-            let _piece = span::piece();
-            let (open, mut best) = (&open[number], BestSplit::below(self.limit));
-            if open.least > f64::from_bits(least.load(Relaxed)) {
-                return Ok(best);
-            }
-            let count = parts.iter().map(|part| part.of(number).len()).sum::<usize>();
-            // A poisoned lock means that another thread panicked; a new list serves.
-            let mut list = spare.lock().map_or(None, |mut lists| lists.pop()).unwrap_or_default();
-            lengthen(self.memory, &mut list, count, 0)?;
-            let mut end = 0;
-            for part in parts {
-                let events = part.of(number);
-                list[end..end + events.len()].copy_from_slice(events);
-                end += events.len();
-            }
-            if !self.meter.record_work(4 * end as u64) {
-                let counts = counts(started, unfinished, open);
-                let axis = open.axis as usize;
-                sweep(self.costs, self.cell, axis, &mut list[..end], counts, &mut best);
-                // Costs are not negative, so their bits compare as they do.
-                least.fetch_min(best.cost.to_bits(), Relaxed);
-            }
-            if let Ok(mut lists) = spare.lock()
-                && lists.try_reserve(1).is_ok()
-            {
-                lists.push(list);
-            }
-            Ok(best)
-        };
-        let none = || BestSplit::below(self.limit);
-        let best = some.into_par_iter().with_max_len(1).map(sweep_bin).try_reduce(
-            none,
-            |mut one, other| {
-                if let Some(split) = other.split {
-                    one.offer(split);
+        let best = lists
+            .into_par_iter()
+            .with_max_len(1)
+            .map(|(number, open, list)| {
+                let _piece = span::piece();
+                let mut best = BestSplit::below(self.limit);
+                if open.least > f64::from_bits(least.load(Relaxed)) {
+                    return best;
                 }
-                Ok(one)
-            },
-        );
-        Ok(best?.split)
+                let mut end = 0;
+                for part in parts {
+                    let events = part.of(number);
+                    list[end..end + events.len()].copy_from_slice(events);
+                    end += events.len();
+                }
+                if !self.meter.record_work(4 * end as u64) {
+                    let counts = counts(started, unfinished, open);
+                    let axis = open.axis as usize;
+                    sweep(self.costs, self.cell, axis, &mut list[..end], counts, &mut best);
+                    // Costs are not negative, so their bits compare as they do.
+                    least.fetch_min(best.cost.to_bits(), Relaxed);
+                }
+                best
+            })
+            .reduce(
+                || BestSplit::below(self.limit),
+                |mut one, other| {
+                    if let Some(split) = other.split {
+                        one.offer(split);
+                    }
+                    one
+                },
+            );
+        Ok(best.split)
     }
 
     /// The events of a part in open bins, bin by bin.
@@ -384,8 +357,7 @@ impl Bins {
     /// Bytes of its lists.
     pub(super) fn bytes(&self) -> u64 {
         let open = self.open.capacity() * size_of::<Open>();
-        let spare = self.spare.lock().map_or(0, |lists| lists.iter().map(Vec::capacity).sum());
-        let events = (self.events.capacity() + spare) * size_of::<Event>();
+        let events = self.events.capacity() * size_of::<Event>();
         let places = self.places.capacity() * size_of::<FaceBins>();
         let part = |part: &BinPart| {
             (part.events.capacity() * size_of::<Event>() + part.ends.capacity() * 4) as u64

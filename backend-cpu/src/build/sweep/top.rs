@@ -157,24 +157,25 @@ impl BuildContext<'_> {
             .collect_into_vec(&mut counts);
         drop(dividing);
         let sides = [0, 1].map(|side| counts.iter().map(|counts| counts[side]).sum::<usize>());
-        // In place, so that no more than these two lists are held. Each side is one task's: a copy takes little beside clipping.
-        let ((), ()) = span::join(
-            || self.close_gaps(&mut left, &counts, 0),
-            || self.close_gaps(&mut list, &counts, 1),
-        );
-        Ok(([left, list], sides))
-    }
-
-    /// Moves the references of one side together, which stand at the beginnings of chunks: so many in each.
-    fn close_gaps(&self, list: &mut [Reference], counts: &[[usize; 2]], side: usize) {
-        let mut to = 0;
-        for (chunk, counts) in counts.iter().enumerate() {
-            let (from, count) = (chunk * CHUNK, counts[side]);
-            if self.meter.record_work(count as u64) {
-                return;
+        let together = |list: Vec<Reference>, side: usize| -> Result<_, BuildError> {
+            let mut out = self.list(sides[side])?;
+            let mut rest = &mut out[..];
+            let mut parts = self.memory.temporary(counts.len())?;
+            for (from, counts) in list.chunks(CHUNK).zip(&counts) {
+                let to;
+                (to, rest) = rest.split_at_mut(counts[side]);
+                parts.push((&from[..counts[side]], to));
             }
-            list.copy_within(from..from + count, to);
-            to += count;
-        }
+            let _loop = span::pieces_of(1);
+            parts.into_par_iter().for_each(|(from, to)| {
+                let _piece = span::piece();
+                if !self.meter.record_work(from.len() as u64) {
+                    to.copy_from_slice(from);
+                }
+            });
+            self.recycle(list);
+            Ok(out)
+        };
+        Ok(([together(left, 0)?, together(list, 1)?], sides))
     }
 }
