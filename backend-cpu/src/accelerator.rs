@@ -35,6 +35,7 @@ use crate::layout::scratch::{LayoutScratch, LayoutSource};
 use crate::layout::tree_layout::TreeLayout;
 use crate::memory::Memory;
 use crate::simd::InstructionSet;
+use crate::span;
 use crate::trace::batch::{Answers, RayBatch};
 use crate::trace::single::Single;
 use crate::trace::stream::Stream;
@@ -248,7 +249,9 @@ fn scene_scale(
     triangles: &[Triangle],
     meter: &ProgressMeter<'_>,
 ) -> SceneScale {
+    let _loop = span::pieces_of(1);
     let limits = triangles.par_chunks(4096).map(|chunk| {
+        let _piece = span::piece();
         if meter.record_work(chunk.len() as u64) { Limits::NONE } else { limits::of(set, chunk) }
     });
     SceneScale::new(bounds, &limits.reduce(|| Limits::NONE, Limits::union))

@@ -23,22 +23,71 @@ use crate::memory::{Memory, boxed, extend};
 use crate::scene::CpuScene;
 use crate::simd::InstructionSet;
 
-/// The CPU backend. Work runs in the rayon pool of the calling thread; scratch memory is kept
-/// between builds, counts towards their limits, and is freed where they leave no space for it.
+/// The CPU backend. Work runs in the rayon pool of the calling thread.
+///
+/// Scratch memory is kept between builds, counts towards their limits, and is freed where they leave no space for it. How
+/// much is kept depends on the call. [`CpuBackend::rebuild_accelerator`] keeps all, so that the next rebuild of the kind
+/// makes none anew. [`CpuBackend::build_accelerator`] frees the builder's lists before it makes the query layout; a first
+/// rebuild after it makes them anew. Lists of less than a mebibyte in all are kept by both.
 #[derive(Debug)]
 pub struct CpuBackend {
     scratch: Mutex<Option<Box<(BuildScratch, LayoutScratch)>>>,
     set: InstructionSet,
 }
 
-/// A tree in the memory that the backend keeps, and the scratch memory for its query layout.
+/// A finished tree, and the scratch memory for its query layout.
 struct BuiltTree<'a> {
-    tree: KdTreeView<'a>,
+    tree: BuiltNodes<'a>,
     summary: BuildSummary,
     /// Snapped corners of the mesh.
     triangles: &'a [Triangle],
     memory: Memory,
     scratch: &'a mut LayoutScratch,
+}
+
+/// Who has a tree's nodes and references.
+enum BuiltNodes<'a> {
+    /// The backend, which keeps their memory.
+    Kept(KdTreeView<'a>),
+    /// The tree itself, in memory that has been accounted for.
+    Own(KdTree),
+}
+
+impl BuiltNodes<'_> {
+    fn view(&self) -> KdTreeView<'_> {
+        match self {
+            BuiltNodes::Kept(tree) => *tree,
+            BuiltNodes::Own(tree) => tree.view(),
+        }
+    }
+
+    /// Bytes that [`BuiltNodes::into_own`] takes in addition.
+    fn more(&self) -> u64 {
+        match self {
+            BuiltNodes::Kept(tree) => tree_bytes(tree),
+            BuiltNodes::Own(_) => 0,
+        }
+    }
+
+    /// A tree of its own, for which `memory` accounts.
+    ///
+    /// # Errors
+    /// Less memory than that, or the end of the work.
+    fn into_own(self, memory: &Memory, meter: &ProgressMeter<'_>) -> Result<KdTree, BuildError> {
+        match self {
+            BuiltNodes::Kept(tree) => copied(&tree, memory, meter),
+            BuiltNodes::Own(tree) => Ok(tree),
+        }
+    }
+}
+
+/// What becomes of a builder's lists when the tree is finished.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Lists {
+    /// They stay for the next build, which then makes none.
+    Keep,
+    /// They are freed before the layout is made.
+    GiveBack,
 }
 
 impl Default for CpuBackend {
@@ -71,12 +120,13 @@ impl CpuBackend {
         options: &BuildOptions<'_>,
     ) -> Result<(KdTree, BuildSummary), BuildError> {
         let meter = &ProgressMeter::of(options.watch);
-        self.with_built(mesh, options, meter, |built| {
-            Ok((copied(&built.tree, &built.memory, meter)?, built.summary))
+        self.with_built(mesh, options, meter, (Lists::Keep, 0), |built| {
+            Ok((built.tree.into_own(&built.memory, meter)?, built.summary))
         })
     }
 
-    /// Builds, and also makes the query layout. Returns the accelerator by its concrete type.
+    /// Builds, and also makes the query layout. Returns the accelerator by its concrete type. The builder's lists are freed
+    /// before the layout is made: see [`CpuBackend`].
     ///
     /// # Errors
     /// As for [`Backend::build`].
@@ -85,22 +135,36 @@ impl CpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions<'_>,
     ) -> Result<CpuAccelerator, BuildError> {
-        self.build_beside(mesh, options, 0)
+        self.build_beside(mesh, options, (Lists::GiveBack, 0))
     }
 
-    /// Builds while an accelerator of `old` bytes is held that will be replaced.
+    /// Builds while an accelerator of so many bytes is held that will be replaced.
     fn build_beside(
         &self,
         mesh: &Mesh<'_>,
         options: &BuildOptions<'_>,
-        old: u64,
+        how @ (lists, old): (Lists, u64),
+    ) -> Result<CpuAccelerator, BuildError> {
+        let built = self.build_once(mesh, options, how);
+        if lists == Lists::Keep && matches!(built, Err(BuildError::OutOfMemory { .. })) {
+            return self.build_once(mesh, options, (Lists::GiveBack, old));
+        }
+        built
+    }
+
+    /// As [`CpuBackend::build_beside`]; what is done with lists does not depend on the limit.
+    fn build_once(
+        &self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions<'_>,
+        how: (Lists, u64),
     ) -> Result<CpuAccelerator, BuildError> {
         let meter = &ProgressMeter::of(options.watch);
-        self.with_built(mesh, options, meter, |built| {
+        self.with_built(mesh, options, meter, how, |built| {
             let BuiltTree { tree, summary, triangles, mut memory, scratch } = built;
-            begin_layout(meter, &tree);
-            memory.take(old + tree_bytes(&tree) + scratch.bytes())?;
-            let tree = copied(&tree, &memory, meter)?;
+            begin_layout(meter, &tree.view());
+            memory.take(tree.more())?;
+            let tree = tree.into_own(&memory, meter)?;
             let source = LayoutSource { mesh, triangles, layout: options.layout };
             let with = (&mut memory, scratch);
             let built = CpuAccelerator::new(tree, summary, source, self.set, meter, with)?;
@@ -124,18 +188,17 @@ impl CpuBackend {
     ) -> Result<(), BuildError> {
         if options.watch.is_some() {
             let old = accelerator.bytes();
-            *accelerator = self.build_beside(mesh, options, old)?;
+            *accelerator = self.build_beside(mesh, options, (Lists::Keep, old))?;
             return Ok(());
         }
-        self.with_built(mesh, options, &UNWATCHED, |built| {
+        self.with_built(mesh, options, &UNWATCHED, (Lists::Keep, 0), |built| {
             let BuiltTree { tree, summary, triangles, mut memory, scratch } = built;
-            memory.take(scratch.bytes())?;
             let source = LayoutSource { mesh, triangles, layout: options.layout };
-            accelerator.replace(&tree, summary, source, (&mut memory, scratch))
+            accelerator.replace(&tree.view(), summary, source, (&mut memory, scratch))
         })
     }
 
-    /// Builds a tree and hands it over. If memory kept from earlier builds makes this build exceed
+    /// Builds a tree and hands it over, while an accelerator of so many bytes is held. If memory kept from earlier builds makes this build exceed
     /// its limit, that memory is freed and the build is repeated: what a limit allows does not
     /// depend on what was built before.
     fn with_built<T>(
@@ -143,6 +206,7 @@ impl CpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions<'_>,
         meter: &ProgressMeter<'_>,
+        how: (Lists, u64),
         mut then: impl FnMut(BuiltTree<'_>) -> Result<T, BuildError>,
     ) -> Result<T, BuildError> {
         options.config.validate()?;
@@ -151,10 +215,10 @@ impl CpuBackend {
         let is_kept = kept.is_some();
         let new = || boxed(Default::default).map_err(|_| Memory::default().lacking());
         let mut kept = kept.map_or_else(new, Ok)?;
-        let mut out = self.build_with(&mut kept, mesh, options, meter, &mut then);
+        let mut out = self.build_with(&mut kept, mesh, options, meter, how, &mut then);
         if is_kept && matches!(out, Err(BuildError::OutOfMemory { .. })) {
             *kept = Default::default();
-            out = self.build_with(&mut kept, mesh, options, meter, &mut then);
+            out = self.build_with(&mut kept, mesh, options, meter, how, &mut then);
         }
         // Memory that was too small is not worth keeping: the next build would only have to give it
         // back.
@@ -173,18 +237,30 @@ impl CpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions<'_>,
         meter: &ProgressMeter<'_>,
+        (lists, old): (Lists, u64),
         then: &mut impl FnMut(BuiltTree<'_>) -> Result<T, BuildError>,
     ) -> Result<T, BuildError> {
-        let Finished { nodes, references, stages, memory } =
-            build::build(kept, mesh, options, self.set, meter)?;
-        let buffers = &kept.buffers;
+        let beside = old + layout.bytes();
+        let Finished { nodes, references, stages, mut memory } =
+            build::build(kept, mesh, options, self.set, meter, beside)?;
+        if lists == Lists::GiveBack {
+            kept.give_back(&mut memory);
+        }
+        let buffers = &mut kept.buffers;
         let counters = buffers.counters;
-        let tree = KdTreeView {
-            nodes: &buffers.nodes[..nodes],
-            references: &buffers.leaf_references[..references],
-            bounds: buffers.root_bounds,
-            triangles: counters[Counter::Triangles],
-            config: options.config,
+        let (bounds, triangles) = (buffers.root_bounds, counters[Counter::Triangles]);
+        let config = options.config;
+        // What is longer than the tree, from another build, stays here.
+        let fits =
+            [buffers.nodes.capacity(), buffers.leaf_references.capacity()] == [nodes, references];
+        let tree = if lists == Lists::GiveBack && fits {
+            let nodes = core::mem::take(&mut buffers.nodes);
+            let references = core::mem::take(&mut buffers.leaf_references);
+            BuiltNodes::Own(KdTree { nodes, references, bounds, triangles, config })
+        } else {
+            let nodes = &buffers.nodes[..nodes];
+            let references = &buffers.leaf_references[..references];
+            BuiltNodes::Kept(KdTreeView { nodes, references, bounds, triangles, config })
         };
         let mut summary = BuildSummary::default();
         summary.triangles = counters[Counter::Triangles];

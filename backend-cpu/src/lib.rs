@@ -15,6 +15,8 @@ mod points;
 mod scene;
 mod simd;
 #[doc(hidden)]
+pub mod span;
+#[doc(hidden)]
 pub mod testing;
 mod trace;
 

@@ -316,6 +316,46 @@ fn what_counts_is_what_is_allocated() {
     });
 }
 
+/// A build gives back what only the builder needs before the layout is made, and the backend holds no more of it
+/// afterwards; rebuilds keep it.
+#[test]
+fn a_build_takes_less_than_three_times_what_it_returns() {
+    let _alone = alone();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    let scenes = [
+        scenes::sphere(200, [0.0; 3], 1.0),
+        scenes::soup(60_000, 0.05, 3),
+        scenes::sizes(60_000, 10, 9),
+    ];
+    for (scene, preset) in scenes
+        .iter()
+        .flat_map(|scene| [Preset::Fast, Preset::Balanced, Preset::Best].map(|p| (scene, p)))
+    {
+        let mesh = scene.mesh();
+        let options = options(preset, QueryLayout::Fast);
+        let what = format!("{}, {preset:?}", scene.name);
+        pool.install(|| {
+            let backend = CpuBackend::new();
+            let (built, taken) = peak_of(|| backend.build_accelerator(&mesh, &options));
+            let mut built = built.expect("no limit");
+            let tree = built.tree();
+            let tree = size_of_val(&tree.nodes[..]) + size_of_val(&tree.references[..]);
+            let finished = (built.query_bytes() + tree as u64) as f64;
+            let (taken, told) = (taken as f64, built.summary().peak_bytes as f64);
+            println!("{what}: {:.2} taken, {:.2} told", taken / finished, told / finished);
+            assert!(taken.max(told) < 3.0 * finished, "{what}: {taken} and {told} of {finished}");
+            let before = HELD.load(Relaxed);
+            backend.rebuild_accelerator(&mut built, &mesh, &options).expect("no limit");
+            let kept = (HELD.load(Relaxed) - before) as f64;
+            assert!(kept > 0.3 * finished, "{what}: a rebuild keeps only {kept} of {finished}");
+            let before = HELD.load(Relaxed);
+            drop(backend.build_accelerator(&mesh, &options).expect("no limit"));
+            let given = (before - HELD.load(Relaxed)) as f64;
+            assert!(given > 0.3 * finished, "{what}: a build gives back only {given}");
+        });
+    }
+}
+
 /// Every query's list under the limit by itself: the mistake that the shared count is there to prevent.
 fn each_by_itself(
     tree: &CpuPointTree<3>,

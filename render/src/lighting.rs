@@ -99,16 +99,16 @@ pub(crate) fn solid_angle((scaled_area, power): (f32, i32), distance: f32, cosin
     ((scaled_area * inverse) * inverse) * cosine
 }
 
-/// The light samples on the surface's side: those worth a shadow ray.
+/// The light samples from `first` on that are on the surface's side: those worth a shadow ray.
 pub(crate) fn may_be_lit(
     scene: &SceneWords<'_>,
     world: impl World,
     surface: &Surface,
     path: &Path,
-    wave: u32,
+    (wave, first): (u32, u32),
 ) -> u32 {
     let mut lights = 0;
-    for sample in 0..samples(scene) {
+    for sample in first..samples(scene) {
         let towards = if sample < scene.frame.lights {
             let light = scene.light(sample);
             if light.kind == DIRECTIONAL { light.place } else { sub(light.place, surface.point) }
@@ -130,6 +130,11 @@ pub(crate) fn may_be_lit(
     lights
 }
 
+/// What becomes of the light that a path gets from one direction.
+pub(crate) fn albedo(surface: &Surface, path: &Path) -> Vector {
+    scaled(mul(path.weight, surface.scattering), ONE_OVER_PI)
+}
+
 /// The ray towards a light sample, and the light that the path gets when nothing is in its way.
 pub(crate) fn shadow_ray(
     scene: &SceneWords<'_>,
@@ -140,7 +145,7 @@ pub(crate) fn shadow_ray(
     sample: u32,
 ) -> (Ray, Vector) {
     let start = start(surface, 1.0);
-    let albedo = scaled(mul(path.weight, surface.scattering), ONE_OVER_PI);
+    let albedo = albedo(surface, path);
     if sample >= scene.frame.lights + scene.frame.area_samples {
         let Some(MapSample { direction, radiance, density }) =
             map_sample(scene, path, wave, sample)

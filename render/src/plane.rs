@@ -29,6 +29,7 @@ impl Plane {
     pub(crate) const NONE: Plane =
         Plane { edges: [[0.0; 3]; 2], scaled_normal: [0.0; 3], power: 0, offset: 0.0 };
 
+    #[inline]
     pub(crate) fn of(corners: &Triangle) -> Plane {
         let [a, b, c] = *corners;
         let edges = [sub(b, a), sub(c, a)];
@@ -41,6 +42,7 @@ impl Plane {
     }
 
     /// The same plane, where what went into the corners was of this magnitude.
+    #[inline]
     pub(crate) fn within_reach(self, reach: f32) -> Plane {
         Plane { offset: reach * (OFFSET_UNITS * UNIT), ..self }
     }

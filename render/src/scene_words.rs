@@ -162,6 +162,17 @@ impl SceneWords<'_> {
         self.vector(self.frame.normals_at + 9 * triangle + 3 * corner)
     }
 
+    /// The normals at all three corners.
+    pub(crate) fn corner_normals(&self, triangle: u32) -> [Vector; 3] {
+        let words = self.words_at::<9>(self.frame.normals_at + 9 * triangle);
+        [0, 3, 6].map(|at| vector_of(words, at))
+    }
+
+    /// Whether there are normals at corners: the section of a scene without any is empty.
+    pub(crate) fn has_normals(&self) -> bool {
+        self.frame.normals_at != self.frame.texcoords_at
+    }
+
     fn texcoord(&self, triangle: u32, corner: u32) -> [f32; 2] {
         let at = self.frame.texcoords_at + 6 * triangle + 2 * corner;
         [self.float(at), self.float(at + 1)]
@@ -228,6 +239,7 @@ fn texel_pair(coordinate: f32, size: u32) -> (u32, u32, f32) {
 }
 
 /// A point between corners: `a * w0 + b * w1 + c * w2`.
+#[inline]
 pub(crate) fn weighted(corners: [Vector; 3], weights: [f32; 3]) -> Vector {
     let [a, b, c] = corners;
     add(add(scaled(a, weights[0]), scaled(b, weights[1])), scaled(c, weights[2]))

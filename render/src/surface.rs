@@ -98,34 +98,61 @@ fn meet_shape(material: u32, at: Spot, ray: &Ray, place: &RoundPlace) -> Met {
     Met { surface, at, described: NONE, weights: [0.0; 3], from_front: facing, plane }
 }
 
-/// The point that a path's ray met, and what follows from it.
+/// The light of a ray that met nothing.
+pub(crate) fn missed(scene: &SceneWords<'_>, ray: &Ray, path: &Path) -> Surface {
+    let light = mul(path.weight, environment::radiance(scene, ray.direction));
+    Surface { light, ..Surface::default() }
+}
+
+/// The point that a path's ray met, and what follows from it; and whether lights may light it. Of these it names those from
+/// sample `first` on.
 pub(crate) fn shade(
     scene: &SceneWords<'_>,
     world: impl World,
     (ray, path): (&Ray, &Path),
     (hit, instance): (&Hit, u32),
-    wave: u32,
-) -> Surface {
-    let frame = scene.frame;
+    (wave, first): (u32, u32),
+) -> (Surface, bool) {
     if !hit.is_hit() {
-        let light = mul(path.weight, environment::radiance(scene, ray.direction));
-        return Surface { light, ..Surface::default() };
+        return (missed(scene, ray, path), false);
     }
     let Met { mut surface, described, weights, from_front, .. } =
         meet(scene, world, ray, (hit, instance));
+    let place = Place { described, weights, from_front };
+    let scatters = shade_met(&mut surface, scene, &place, ray.direction, path, wave);
+    if scatters {
+        surface.lights = may_be_lit(scene, world, &surface, path, (wave, first));
+    }
+    (surface, scatters)
+}
+
+/// The place on a triangle where a ray met it: [`Met`] without the surface.
+pub(crate) struct Place {
+    pub(crate) described: u32,
+    pub(crate) weights: [f32; 3],
+    pub(crate) from_front: bool,
+}
+
+/// What follows from the point that a path's ray met, but for lights; whether they may light it.
+pub(crate) fn shade_met(
+    surface: &mut Surface,
+    scene: &SceneWords<'_>,
+    place: &Place,
+    direction: Vector,
+    path: &Path,
+    wave: u32,
+) -> bool {
+    let frame = scene.frame;
     let material = scene.material(surface.material);
     let last = wave >= frame.depth;
     if material.kind == DIELECTRIC {
-        shade_dielectric(&mut surface, frame, &material, ray.direction, path, from_front, last);
-    } else {
-        let texture = scene.texture_colour(material.texture, described, weights);
-        surface.scattering = mul(material.diffuse, texture);
-        shade_opaque(&mut surface, scene, &material, ray.direction, path, last);
-        if greatest(surface.scattering) > 0.0 {
-            surface.lights = may_be_lit(scene, world, &surface, path, wave);
-        }
+        shade_dielectric(surface, frame, &material, direction, path, place.from_front, last);
+        return false;
     }
-    surface
+    let texture = scene.texture_colour(material.texture, place.described, place.weights);
+    surface.scattering = mul(material.diffuse, texture);
+    shade_opaque(surface, scene, &material, direction, path, last);
+    greatest(surface.scattering) > 0.0
 }
 
 /// The normal between those of the corners, on the side of the triangle that the ray came from; the
@@ -138,8 +165,7 @@ fn smooth_normal(
     direction: Vector,
     in_world: impl Fn(Vector) -> Vector,
 ) -> Vector {
-    // Sections of scenes without normals are empty.
-    if scene.frame.normals_at == scene.frame.texcoords_at {
+    if !scene.has_normals() {
         return geometric_normal;
     }
     let corners = [0, 1, 2].map(|corner| scene.normal(triangle, corner));

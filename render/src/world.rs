@@ -27,6 +27,9 @@ pub(crate) trait World: Copy + Sync {
     /// The corners in the world, and their plane.
     fn plane(&self, at: Spot) -> (Triangle, Plane);
 
+    /// The corners of a triangle of which nothing but corners is needed: of one mesh. `None` for instances.
+    fn corners_alone(&self, triangle: u32) -> Option<Triangle>;
+
     /// The place of a hit with a shape, which has no corners; `None` for a triangle.
     fn round(&self, ray: &Ray, hit: (&Hit, u32)) -> Option<RoundPlace>;
 
@@ -55,6 +58,11 @@ impl World for OneMesh<'_> {
     fn plane(&self, at: Spot) -> (Triangle, Plane) {
         let corners = self.0.corners(at.triangle);
         (corners, Plane::of(&corners))
+    }
+
+    #[inline]
+    fn corners_alone(&self, triangle: u32) -> Option<Triangle> {
+        Some(self.0.corners(triangle))
     }
 
     #[inline]
@@ -101,6 +109,10 @@ impl World for Instances<'_> {
         let plane = Plane::of(&corners);
         // The ray is rounded on its way into the object's space too: by units of what went into the corners.
         (corners, plane.within_reach(reach * shown.stretch()))
+    }
+
+    fn corners_alone(&self, _triangle: u32) -> Option<Triangle> {
+        None
     }
 
     fn round(&self, ray: &Ray, (hit, instance): (&Hit, u32)) -> Option<RoundPlace> {

@@ -25,6 +25,9 @@ use twin::executor::{CpuExecutor, StageCounts};
 /// Most nodes of a tree: larger ones end in [`BuildError::TooLarge`].
 pub(crate) const MOST_NODES: u32 = 1 << 28;
 
+/// Bytes that are worth giving back. To make less anew takes small meshes as long as their trees.
+const MUCH: u64 = 1 << 20;
+
 /// Memory of all builders, kept between builds.
 #[derive(Debug, Default)]
 pub(crate) struct BuildScratch {
@@ -40,18 +43,31 @@ impl BuildScratch {
         self.buffers.bytes() + self.depth_first.bytes() + self.sweep.bytes()
     }
 
-    /// Accounts for what is held. Memory of a larger build before is given back where it exceeds the limit: what a
-    /// limit allows must not depend on what was built earlier.
+    /// Accounts for what is held, and for `beside`, which others hold meanwhile. Memory of a larger build before is given
+    /// back where it exceeds the limit: what a limit allows must not depend on what was built earlier.
     ///
     /// # Errors
     /// More memory than the limit.
-    fn begin(&mut self, limit: Option<u64>) -> Result<Memory, BuildError> {
-        if limit.is_some_and(|limit| self.bytes() > limit) {
+    fn begin(&mut self, limit: Option<u64>, beside: u64) -> Result<Memory, BuildError> {
+        if limit.is_some_and(|limit| self.bytes() + beside > limit) {
             *self = BuildScratch::default();
         }
         let mut memory = Memory { held: 0, peak: 0, limit };
-        memory.take(self.bytes())?;
+        memory.take(self.bytes() + beside)?;
         Ok(memory)
+    }
+
+    /// Frees what a layout does not read, where that is much: all but corners and the finished tree.
+    pub(crate) fn give_back(&mut self, memory: &mut Memory) {
+        let before = self.bytes();
+        let few = self.buffers.finished_bytes() + MUCH;
+        if before <= few {
+            return;
+        }
+        self.buffers.keep_finished();
+        self.depth_first.give_back();
+        self.sweep = sweep::SweepScratch::default();
+        memory.held -= before - self.bytes();
     }
 }
 
@@ -66,7 +82,8 @@ pub(crate) struct Finished {
     pub memory: Memory,
 }
 
-/// Builds the tree of a mesh by the builder of its preset. `set` must be one that the processor has.
+/// Builds the tree of a mesh by the builder of its preset, while others hold `beside` bytes. `set` must be one that the
+/// processor has.
 ///
 /// # Errors
 /// More memory than the limit allows, more nodes or references than the format can address, or a build that was
@@ -77,10 +94,11 @@ pub(crate) fn build(
     options: &BuildOptions<'_>,
     set: InstructionSet,
     meter: &ProgressMeter<'_>,
+    beside: u64,
 ) -> Result<Finished, BuildError> {
     let BuildOptions { config, max_memory, .. } = *options;
     if let Some(knobs) = config.sweep() {
-        let memory = scratch.begin(max_memory)?;
+        let memory = scratch.begin(max_memory, beside)?;
         let buffers = core::mem::take(&mut scratch.buffers);
         let mut twin = CpuExecutor::on(*mesh, config, set, buffers, memory).watched(meter);
         schedule::start::<CpuExecutor<'_>>(&mut twin)?;
@@ -93,7 +111,7 @@ pub(crate) fn build(
     }
     let preset = config.preset();
     let planes = preset.planes().ok_or(BuildError::PresetNotOnDevice { preset })?;
-    let mut memory = scratch.begin(max_memory)?;
+    let mut memory = scratch.begin(max_memory, beside)?;
     let mut finished = None;
     if scratch.depth_first.is_promising(mesh.len() as u32, &config) {
         let buffers = core::mem::take(&mut scratch.buffers);
@@ -106,7 +124,7 @@ pub(crate) fn build(
         (scratch.buffers, scratch.depth_first) = executor.finish();
         if is_void {
             // A cap might have bound: the schedule itself determines where.
-            memory = scratch.begin(max_memory)?;
+            memory = scratch.begin(max_memory, beside)?;
         } else {
             finished = Some((stages, memory));
         }

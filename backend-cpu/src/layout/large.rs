@@ -15,6 +15,7 @@ use splitplane_core::triangle::{Triangle, prepare};
 
 use super::cells::halves;
 use crate::cancel::ProgressMeter;
+use crate::span;
 
 /// Most of them: rays test them in whatever leaf they start, so where there are more they stay in their leaves.
 const MOST: usize = 64;
@@ -71,7 +72,9 @@ impl Large {
 
     /// Triangles that are longer than a limit, and bounds of all others.
     fn longer(limit: f32, triangles: &[Triangle], meter: &ProgressMeter<'_>) -> Large {
+        let _loop = span::pieces_of(1);
         let chunks = triangles.par_chunks(4096).enumerate().map(|(chunk, triangles)| {
+            let _piece = span::piece();
             let mut large = Large::none(Aabb::EMPTY);
             if meter.record_work(triangles.len() as u64) {
                 return large;

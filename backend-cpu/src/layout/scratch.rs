@@ -33,6 +33,7 @@ use crate::build::MOST_NODES;
 use crate::cancel::ProgressMeter;
 use crate::memory::{Memory, Scatter, bytes_of};
 use crate::simd::InstructionSet;
+use crate::span;
 
 /// Subtrees of more nodes are divided among tasks.
 const TASK: u32 = 1 << 11;
@@ -135,12 +136,15 @@ impl LayoutScratch {
         let maker =
             LayoutPlanning { tree, source, set, meter, planner, budget: &budget, large: &large };
         let out = Scatter::new(&mut branches[..tree.nodes.len()]);
+        let packing = span::pieces_of(1);
         tasks.par_iter_mut().zip(&mut *parts).for_each(|(task, part)| {
+            let _piece = span::piece();
             let count = (task.end - task.first) as usize;
             // SAFETY: tasks have nodes of their own.
             let branches = unsafe { out.part(task.first as usize, count) };
             maker.make(task, part, branches);
         });
+        drop(packing);
         let large_blocks = maker.pack_large(apart);
         meter.check()?;
         if budget.failed.load(Relaxed) {
@@ -184,7 +188,9 @@ impl LayoutScratch {
             nodes[node as usize] = WalkNode::interior(tree.nodes[node as usize]);
         }
         let (nodes, words) = (Scatter::new(nodes), Scatter::new(words));
+        let _loop = span::pieces_of(1);
         self.tasks.par_iter().zip(&self.parts).for_each(|(task, part)| {
+            let _piece = span::piece();
             let (first, end) = (task.first as usize, task.end as usize);
             // SAFETY: tasks have nodes of their own, and parts follow each other.
             let (nodes, words) =

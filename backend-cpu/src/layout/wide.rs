@@ -27,6 +27,7 @@ use super::wide_node::{self, CacheLine};
 use crate::cancel::ProgressMeter;
 use crate::memory::{Memory, bytes_of, resize};
 use crate::simd::{MOST_LANES, prefetch};
+use crate::span;
 
 /// Subtrees of more nodes are written by several tasks.
 const TASK: usize = 1 << 8;
@@ -349,7 +350,12 @@ fn in_tasks<T: Send>(
 ) -> Option<usize> {
     let mut tasks = [const { None }; MOST_LANES];
     tasks.iter_mut().zip(parts).for_each(|(task, part)| *task = Some(part));
-    tasks.par_iter_mut().filter_map(Option::take).map(work).max()
+    let _loop = span::pieces_of(1);
+    let part = |part| {
+        let _piece = span::piece();
+        work(part)
+    };
+    tasks.par_iter_mut().filter_map(Option::take).map(part).max()
 }
 
 impl NodeChildren {

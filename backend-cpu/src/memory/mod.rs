@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use splitplane_core::error::BuildError;
 
 use crate::cancel::{ProgressMeter, UNWATCHED};
+use crate::span;
 
 pub(crate) use scatter::Scatter;
 
@@ -159,7 +160,8 @@ pub(crate) fn resize<T: Clone + Send + Sync>(
 ) {
     if !meter.is_watched() && vector.len() < length {
         let more = rayon::iter::repeat_n(value.clone(), length - vector.len());
-        vector.par_extend(more.with_min_len(PIECE));
+        let pieces = (length - vector.len()).div_ceil(PIECE);
+        span::evenly(pieces, || vector.par_extend(more.with_min_len(PIECE)));
     }
     while vector.len() < length {
         let next = length.min(vector.len() + PIECE);
@@ -179,7 +181,8 @@ pub(crate) fn extend<T: Copy + Send + Sync>(
     slice: &[T],
 ) {
     if !meter.is_watched() {
-        vector.par_extend(slice.par_iter().copied().with_min_len(PIECE));
+        let all = slice.par_iter().copied().with_min_len(PIECE);
+        span::evenly(slice.len().div_ceil(PIECE), || vector.par_extend(all));
         return;
     }
     for piece in slice.chunks(PIECE) {

@@ -6,7 +6,7 @@
 //! once, Embree first and last; a round's ratio is the mean of Embree's two times over ours, and the median of the rounds
 //! is printed. So what else the machine does disturbs both alike. `--packets` has Embree answer packets too, `--accuracies` ours at other
 //! accuracies; `--builds` measures builds in place of rays, and `--frames` a frame. `--table` measures presets without Embree and writes the
-//! table that preset `auto` decides by.
+//! table that preset `auto` decides by, and `--critical-path 64` how builds would scale to 64 threads.
 //!
 //! With `--instances grid:N` both answer rays through N copies of the mesh, and build the tree over them in turns.
 //!
@@ -19,6 +19,7 @@
 
 mod builds;
 mod callgrind;
+mod critical_path;
 mod embree;
 mod frames;
 mod instances;
@@ -83,6 +84,9 @@ struct Options {
     /// Presets without Embree: builds and rays of each, as the table that preset auto decides by
     #[arg(long, conflicts_with_all = ["builds", "frames", "count", "single", "packets", "instances"])]
     table: bool,
+    /// Builds without Embree: work, the longest chain, and what that allows so many threads
+    #[arg(long, value_name = "THREADS", value_parser = clap::value_parser!(u32).range(1..=4096), conflicts_with_all = ["builds", "frames", "table", "count", "single", "packets", "instances"])]
+    critical_path: Option<u32>,
     /// Of the frame: eye and the point looked at, six numbers; placed by rule when left out
     #[arg(long, num_args = 6, allow_hyphen_values = true, requires = "frames")]
     camera: Vec<f32>,
@@ -132,6 +136,9 @@ fn main() -> ExitCode {
     if options.table {
         println!("{}", splitplane_cpu::auto_preset::COLUMNS);
     }
+    if let Some(threads) = options.critical_path {
+        critical_path::print_head(threads);
+    }
     for scene in &options.scenes {
         if let Err(problem) = measure(scene, &options, &pool) {
             eprintln!("splitplane-embree: {}: {problem}", scene.display());
@@ -157,6 +164,9 @@ fn measure(path: &Path, options: &Options, pool: &rayon::ThreadPool) -> Result<(
     if options.frames {
         println!("{}: {} triangles, {}", scene.name, mesh.len(), set.name());
         return frames::measure(&mut scene, options, (set, isa), pool);
+    }
+    if let Some(threads) = options.critical_path {
+        return critical_path::measure(&scene.name, &mesh, (set, threads), options, pool);
     }
     let places = options.instances.map(|count| instances::grid(&scene.bounds(), count));
     let sets = rays_through(&mesh, &scene.bounds(), places.as_deref(), interior)?;

@@ -1,7 +1,7 @@
 //! The memory of a frame, kept between frames.
 
-use super::by_light::ByLight;
-use crate::kernel::Buffer;
+use super::by_light::by_path;
+use crate::kernel::{Buffer, Counter};
 use crate::layout::{Counters, FirstCost, FirstHit, Path, Spawned, Surface};
 use crate::plan::Plan;
 use bytemuck::Zeroable;
@@ -18,6 +18,7 @@ pub struct Buffers {
     pub(crate) hits: Vec<Hit>,
     pub(crate) surfaces: Vec<Surface>,
     pub(crate) spawned: Vec<Spawned>,
+    /// Within a chunk light by light, where devices have them path by path; so has the light that they bring.
     pub(crate) shadow_rays: Vec<Ray>,
     pub(crate) shadow_light: Vec<[f32; 4]>,
     pub(crate) radiance: Vec<[f32; 4]>,
@@ -27,9 +28,10 @@ pub struct Buffers {
     pub(crate) counters: Counters,
     /// The hits of shadow rays; only this executor has them.
     pub(crate) occluded: Vec<bool>,
-    /// Shadow rays in the order in which they are followed, and what they hit where clear surfaces let them pass; only this
+    /// Shadow rays that have passed clear surfaces, the number of each among those of its chunk, and what they hit; only this
     /// executor has them.
-    pub(crate) by_light: ByLight,
+    pub(crate) through_rays: Vec<Ray>,
+    pub(crate) through_numbers: Vec<u32>,
     pub(crate) through_hits: Vec<Hit>,
     /// The instances of all hits, and of those behind clear surfaces; empty where one mesh is shown.
     pub(crate) hit_instances: Vec<u32>,
@@ -67,6 +69,13 @@ impl Buffers {
         self.counters = crate::kernel::first_counters(plan.pixels());
     }
 
+    /// What belongs to the shadow rays of a wave, path by path.
+    pub(crate) fn as_devices_have<T: Copy>(&self, by_light: &[T]) -> Vec<T> {
+        let paths = self.counters[Counter::Paths] as usize;
+        let chunks = self.counters[Counter::PathChunks] as usize;
+        by_path(&self.surfaces[..paths], &self.spawned[..chunks], by_light)
+    }
+
     /// Bytes that are held, spare capacity included.
     pub fn bytes(&self) -> u64 {
         fn held<T>(buffer: &Vec<T>) -> u64 {
@@ -86,8 +95,8 @@ impl Buffers {
             + held(&self.first_costs)
             + held(&self.pixels)
             + held(&self.occluded)
-            + held(&self.by_light.rays)
-            + held(&self.by_light.numbers)
+            + held(&self.through_rays)
+            + held(&self.through_numbers)
             + held(&self.through_hits)
             + held(&self.hit_instances)
             + held(&self.through_instances)

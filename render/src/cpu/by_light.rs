@@ -1,10 +1,8 @@
-//! Shadow rays in another order for the queries: within a chunk of paths light by light. Where they are stored, the rays of one path
-//! stand side by side, each towards another light, so no packets are found among them. No answer depends on the order.
+//! The order in which shadow rays stand: within a chunk of paths light by light, and towards one light in the order of paths. In the
+//! order of paths, in which devices have them, neighbours go to different lights, so no packets are found among them. No answer depends on
+//! the order.
 
-use crate::cpu::scatter::by_chunk;
 use crate::layout::{Spawned, Surface};
-use bytemuck::Zeroable;
-use splitplane_core::ray::Ray;
 
 /// Paths of a chunk.
 const CHUNK: usize = crate::kernel::CHUNK as usize;
@@ -12,64 +10,58 @@ const CHUNK: usize = crate::kernel::CHUNK as usize;
 /// The most lights that a surface names.
 const LIGHTS: usize = u32::BITS as usize;
 
-/// The rays of a wave in that order; the memory is kept between waves.
-#[derive(Debug, Default)]
-pub(crate) struct ByLight {
-    pub(crate) rays: Vec<Ray>,
-    /// The number that each has among those of its chunk where they are stored.
-    pub(crate) numbers: Vec<u32>,
+/// Where the rays of a chunk of paths stand among those of the chunk.
+#[derive(Clone, Copy)]
+pub(crate) struct Places {
+    /// Where the next ray towards each light stands.
+    next: [usize; LIGHTS],
+    /// Whether they stand in the order of paths.
+    by_path: bool,
 }
 
-impl ByLight {
-    /// Takes the rays that surfaces asked for; `spawned` says where those of each chunk begin.
-    pub(crate) fn take(&mut self, surfaces: &[Surface], spawned: &[Spawned], stored: &[Ray]) {
-        if self.rays.len() < stored.len() {
-            self.rays.resize(stored.len(), Ray::zeroed());
-            self.numbers.resize(stored.len(), 0);
+impl Places {
+    /// Those of the chunk of these surfaces, which has so many rays. A void frame, which is made again, has fewer than
+    /// surfaces ask for: there they stand in the order of paths, so that it is the last ones that are not there.
+    pub(crate) fn of(surfaces: &[Surface], rays: usize) -> Places {
+        let mut masks = [0; CHUNK];
+        let mut asked = 0;
+        for (mask, surface) in masks.iter_mut().zip(surfaces) {
+            *mask = surface.lights;
+            asked |= surface.lights;
         }
-        let start = |chunk: usize| spawned[chunk].shadow_rays as usize;
-        let (rays, numbers) = (&mut self.rays[..stored.len()], &mut self.numbers[..stored.len()]);
-        by_chunk(0..spawned.len(), &start, rays, numbers, &|chunk, rays, numbers| {
-            let stored = &stored[start(chunk).min(stored.len())..][..rays.len()];
-            let first = chunk * CHUNK;
-            let surfaces = &surfaces[first..surfaces.len().min(first + CHUNK)];
-            sort(surfaces, stored, rays, numbers);
-        });
+        let mut next = [0; LIGHTS];
+        for light in lights(asked) {
+            next[light] = masks.iter().map(|mask| mask >> light & 1).sum::<u32>() as usize;
+        }
+        let mut before = 0;
+        for place in &mut next {
+            before += core::mem::replace(place, before);
+        }
+        Places { next, by_path: before != rays }
     }
-}
 
-/// Sorts the rays of a chunk by their lights; those of one light stay in the order of their paths.
-fn sort(surfaces: &[Surface], stored: &[Ray], rays: &mut [Ray], numbers: &mut [u32]) {
-    let mut places = [0; LIGHTS];
-    for surface in surfaces {
-        for light in lights(surface) {
-            places[light] += 1;
-        }
+    /// Whether they stand in the order of paths.
+    pub(crate) fn is_by_path(&self) -> bool {
+        self.by_path
     }
-    let mut before = 0;
-    for place in &mut places {
-        before += core::mem::replace(place, before);
+
+    /// Where the next ray towards a light stands. Paths ask one after the other, each for its lights in their order.
+    pub(crate) fn next(&mut self, light: usize) -> usize {
+        // In the order of paths all are counted together; those of light 0 begin at 0.
+        let place = &mut self.next[if self.by_path { 0 } else { light }];
+        *place += 1;
+        *place - 1
     }
-    if before != stored.len() {
-        // A void frame, which is made again, has fewer rays than surfaces ask for.
-        rays.copy_from_slice(stored);
-        numbers.iter_mut().zip(0..).for_each(|(number, place)| *number = place);
-        return;
-    }
-    let mut number = 0;
-    for surface in surfaces {
-        for light in lights(surface) {
-            let place = places[light];
-            places[light] += 1;
-            (rays[place], numbers[place]) = (stored[number], number as u32);
-            number += 1;
-        }
+
+    /// Where the rays towards a light begin, before any was asked for.
+    pub(crate) fn first(&self, light: usize) -> usize {
+        self.next[light]
     }
 }
 
-/// The lights of a surface, in the order in which it asks for rays.
-fn lights(surface: &Surface) -> impl Iterator<Item = usize> {
-    let mut left = surface.lights;
+/// The lights of a mask, in their order.
+pub(crate) fn lights(mask: u32) -> impl Iterator<Item = usize> {
+    let mut left = mask;
     core::iter::from_fn(move || {
         let light = left.trailing_zeros() as usize;
         let there = left != 0;
@@ -78,12 +70,43 @@ fn lights(surface: &Surface) -> impl Iterator<Item = usize> {
     })
 }
 
+/// The surfaces of a chunk.
+pub(crate) fn surfaces_of(surfaces: &[Surface], chunk: usize) -> &[Surface] {
+    let first = surfaces.len().min(chunk * CHUNK);
+    &surfaces[first..surfaces.len().min(first + CHUNK)]
+}
+
+/// Where the rays of a chunk stand among `rays`.
+pub(crate) fn rays_of(spawned: &[Spawned], chunk: usize, rays: usize) -> core::ops::Range<usize> {
+    let start = |chunk: usize| spawned.get(chunk).map_or(rays, |s| s.shadow_rays as usize);
+    start(chunk).min(rays)..start(chunk + 1).min(rays)
+}
+
+/// What belongs to shadow rays, in the order of paths and lights, as devices have it.
+pub(crate) fn by_path<T: Copy>(
+    surfaces: &[Surface],
+    spawned: &[Spawned],
+    by_light: &[T],
+) -> Vec<T> {
+    let mut all = Vec::with_capacity(by_light.len());
+    for chunk in 0..spawned.len() {
+        let own = &by_light[rays_of(spawned, chunk, by_light.len())];
+        let surfaces = surfaces_of(surfaces, chunk);
+        let mut places = Places::of(surfaces, own.len());
+        for surface in surfaces {
+            let asked = lights(surface.lights).map(|light| places.next(light));
+            all.extend(asked.filter_map(|place| own.get(place)));
+        }
+    }
+    all
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// What surfaces ask for: rays that name their path and light, and where those of chunks begin.
-    fn asked(masks: &[u32]) -> (Vec<Surface>, Vec<Spawned>, Vec<Ray>) {
+    /// Surfaces that ask for these lights, where those of chunks begin, and (path, light) of each ray in the order of paths.
+    fn asked(masks: &[u32]) -> (Vec<Surface>, Vec<Spawned>, Vec<(usize, usize)>) {
         let surfaces: Vec<Surface> =
             masks.iter().map(|&lights| Surface { lights, ..Surface::default() }).collect();
         let (mut rays, mut spawned) = (Vec::new(), Vec::new());
@@ -91,47 +114,63 @@ mod tests {
             if path % CHUNK == 0 {
                 spawned.push(Spawned { shadow_rays: rays.len() as u32, next_paths: 0 });
             }
-            for light in (0..32).filter(|light| mask >> light & 1 == 1) {
-                rays.push(Ray::new([path as f32, light as f32, 0.0], [1.0, 0.0, 0.0]));
-            }
+            rays.extend((0..32).filter(|light| mask >> light & 1 == 1).map(|light| (path, light)));
         }
         (surfaces, spawned, rays)
     }
 
-    #[test]
-    fn a_chunk_has_the_same_rays_light_by_light() {
+    fn masks() -> Vec<u32> {
         let mut state = 1u32;
         let mut random = || {
             state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
             state
         };
-        let masks: Vec<u32> =
-            (0..3 * CHUNK + 7).map(|i| if i % 3 == 0 { 0 } else { random() & random() }).collect();
-        let (surfaces, spawned, stored) = asked(&masks);
-        let mut by_light = ByLight::default();
-        by_light.take(&surfaces, &spawned, &stored);
-        let mut ends: Vec<usize> = spawned[1..].iter().map(|s| s.shadow_rays as usize).collect();
-        ends.push(stored.len());
-        for (chunk, end) in ends.into_iter().enumerate() {
-            let begin = spawned[chunk].shadow_rays as usize;
-            let (rays, numbers) = (&by_light.rays[begin..end], &by_light.numbers[begin..end]);
-            let mut seen = vec![false; end - begin];
-            for (ray, &number) in rays.iter().zip(numbers) {
-                assert_eq!(*ray, stored[begin + number as usize]);
-                assert!(!std::mem::replace(&mut seen[number as usize], true));
-            }
-            let keys = rays.iter().map(|ray| (ray.origin[1], ray.origin[0]));
-            assert!(keys.is_sorted(), "chunk {chunk}");
-        }
+        (0..3 * CHUNK + 7).map(|i| if i % 3 == 0 { 0 } else { random() & random() }).collect()
     }
 
     #[test]
-    fn a_void_frame_keeps_the_rays_that_it_has() {
+    fn a_chunk_has_its_rays_light_by_light() {
+        let (surfaces, spawned, stored) = asked(&masks());
+        let mut ordered = vec![None; stored.len()];
+        for chunk in 0..spawned.len() {
+            let own = rays_of(&spawned, chunk, stored.len());
+            let mut places = Places::of(surfaces_of(&surfaces, chunk), own.len());
+            assert!(!places.is_by_path());
+            let firsts = [0, 1, 31].map(|light| places.first(light));
+            for &(path, light) in &stored[own.clone()] {
+                let place = own.start + places.next(light);
+                assert!(ordered[place].replace((light, path)).is_none());
+            }
+            let part: Vec<_> = ordered[own].iter().map(|ray| ray.expect("all are there")).collect();
+            assert!(part.is_sorted(), "chunk {chunk}");
+            for (light, first) in [0, 1, 31].into_iter().zip(firsts) {
+                assert_eq!(first, part.iter().filter(|ray| ray.0 < light).count());
+            }
+        }
+        let ordered: Vec<_> =
+            ordered.into_iter().flatten().map(|(light, path)| (path, light)).collect();
+        assert_ne!(ordered, stored);
+        assert_eq!(by_path(&surfaces, &spawned, &ordered), stored);
+    }
+
+    #[test]
+    fn a_void_frame_keeps_the_first_rays() {
         let (surfaces, spawned, stored) = asked(&[7; CHUNK + 1]);
         for count in [0, 5, 3 * CHUNK - 1, 3 * CHUNK, 3 * CHUNK + 2] {
-            let mut by_light = ByLight::default();
-            by_light.take(&surfaces, &spawned, &stored[..count]);
-            assert_eq!(by_light.rays.len(), count);
+            let mut ordered = vec![None; count];
+            for chunk in 0..spawned.len() {
+                let own = rays_of(&spawned, chunk, count);
+                let mut places = Places::of(surfaces_of(&surfaces, chunk), own.len());
+                for path in chunk * CHUNK..surfaces.len().min((chunk + 1) * CHUNK) {
+                    for light in 0..3 {
+                        if let Some(ray) = ordered[own.clone()].get_mut(places.next(light)) {
+                            *ray = Some((path, light));
+                        }
+                    }
+                }
+            }
+            let ordered: Vec<_> = ordered.into_iter().map(|ray| ray.expect("no gaps")).collect();
+            assert_eq!(by_path(&surfaces, &spawned, &ordered), stored[..count]);
         }
     }
 }

@@ -239,35 +239,26 @@ impl Executor<RayTracer> for CpuExecutor<'_> {
             }
             Kernel::ShadowHits => {
                 let stopwatch = Stopwatch::start();
-                let input = k::shadow_hits::Input {
-                    surfaces: &b.surfaces[..paths],
-                    spawned: &b.spawned[..chunks],
-                    rays: &b.shadow_rays[..shadows],
-                };
-                let (lights, kept) =
-                    (&mut b.shadow_light[..shadows], (&mut b.by_light, &mut b.occluded));
-                k::shadow_hits::run(self.traced, &query, &input, lights, kept)?;
+                let (rays, lights) = (&b.shadow_rays[..shadows], &mut b.shadow_light[..shadows]);
+                k::shadow_hits::run(self.traced, &query, rays, lights, &mut b.occluded)?;
                 self.add_tracing(stopwatch);
             }
             Kernel::ShadowHitsThroughGlass => {
                 let stopwatch = Stopwatch::start();
                 let traced = self.traced;
-                let input = k::shadow_hits::Input {
-                    surfaces: &b.surfaces[..paths],
-                    spawned: &b.spawned[..chunks],
-                    rays: &b.shadow_rays[..shadows],
-                };
+                let asked = (&b.shadow_rays[..shadows], &b.spawned[..chunks]);
                 let (lights, met) = (
                     &mut b.shadow_light[..shadows],
                     Met {
-                        by_light: &mut b.by_light,
+                        rays: &mut b.through_rays,
+                        numbers: &mut b.through_numbers,
                         hits: &mut b.through_hits,
                         scene_hits: &mut b.scene_hits,
                         instances: &mut b.through_instances,
                     },
                 );
                 in_world!(traced, mesh, world => k::shadow_hits_through_glass::run(
-                    traced, &query, &scene, world, &input, lights, met
+                    traced, &query, &scene, world, asked, lights, met
                 ))?;
                 self.add_tracing(stopwatch);
             }
@@ -365,8 +356,8 @@ impl Inspect<RayTracer> for CpuExecutor<'_> {
             Buffer::Hits => bytes(&b.hits[..n]),
             Buffer::Surfaces => bytes(&b.surfaces[..n]),
             Buffer::Spawned => bytes(&b.spawned[..n]),
-            Buffer::ShadowRays => bytes(&b.shadow_rays[..n]),
-            Buffer::ShadowLight => bytes(&b.shadow_light[..n]),
+            Buffer::ShadowRays => bytes(&b.as_devices_have(&b.shadow_rays[..n])),
+            Buffer::ShadowLight => bytes(&b.as_devices_have(&b.shadow_light[..n])),
             Buffer::Radiance => bytes(&b.radiance),
             Buffer::FirstHits => bytes(&b.first_hits),
             Buffer::FirstCosts => bytes(&b.first_costs),

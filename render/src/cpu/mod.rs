@@ -3,6 +3,7 @@
 
 mod buffers;
 mod by_light;
+mod columns;
 mod executor;
 mod kernels;
 mod photons;

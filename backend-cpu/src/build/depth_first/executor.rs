@@ -14,6 +14,7 @@ use crate::build::twin::buffers::Buffers;
 use crate::build::twin::executor::{CpuExecutor, StageCounts};
 use crate::build::twin::subtrees::Subtrees;
 use crate::memory::{Memory, bytes_of};
+use crate::span;
 
 /// Memory of the executor, kept between builds.
 #[derive(Debug, Default)]
@@ -30,6 +31,12 @@ impl DepthFirstScratch {
     /// Bytes held.
     pub(crate) fn bytes(&self) -> u64 {
         bytes_of(&self.counts) + self.tasks.bytes()
+    }
+
+    /// Frees all memory, but still knows of which mesh a build was void.
+    pub(crate) fn give_back(&mut self) {
+        let voided = self.voided;
+        *self = DepthFirstScratch { voided, ..DepthFirstScratch::default() };
     }
 
     /// Whether the last void build was not of a mesh of `triangles` triangles by this configuration.
@@ -100,7 +107,7 @@ impl<'a, A: Arithmetic> DepthFirstExecutor<'a, A> {
         b.subtrees.resize_with(roots.max(b.subtrees.len()), Subtrees::default);
         m.reserve(&mut scratch.counts, roots)?;
         scratch.counts.resize(roots.max(scratch.counts.len()), StageCounts::default());
-        scratch.tasks.prepare(rayon::current_num_threads()).map_err(|_| m.lacking())?;
+        scratch.tasks.prepare(span::threads()).map_err(|_| m.lacking())?;
         let kept = u64::from(b.counters[Counter::Triangles] - b.counters[Counter::Dropped]);
         let caps = Caps::new(
             &self.config,
@@ -130,7 +137,7 @@ impl<'a, A: Arithmetic> DepthFirstExecutor<'a, A> {
         .map_err(|_| m.lacking())?;
         self.is_void = caps.exceeded();
         scratch.voided = self.is_void.then_some((triangles, self.config));
-        scratch.tasks.prepare(rayon::current_num_threads()).map_err(|_| m.lacking())?;
+        scratch.tasks.prepare(span::threads()).map_err(|_| m.lacking())?;
         m.take(b.bytes() + scratch.bytes() - before)?;
         meter.finish_stage();
         meter.check()?;
@@ -150,7 +157,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for DepthFirstExecutor<'_, A> {
             Kernel::ScanTriangles => {
                 self.twin.dispatch(kernel)?;
                 let references = self.twin.buffers.active_nodes[0].count as usize;
-                self.twin.hand_over_at(hand_over_limit(references, rayon::current_num_threads()));
+                self.twin.hand_over_at(hand_over_limit(references, span::threads()));
                 Ok(())
             }
             Kernel::BuildSmall => self.build_subtrees(),

@@ -24,6 +24,7 @@ use crate::cancel::ProgressMeter;
 use crate::simd::columns::Columns;
 use crate::simd::references::TILE;
 use crate::simd::{Compiled, InstructionSet, Simd, WIDTH};
+use crate::span;
 
 /// What all tasks read.
 #[derive(Debug)]
@@ -55,7 +56,9 @@ pub(super) fn run<A: Arithmetic>(
     subtrees: &mut [Subtrees],
 ) -> Result<(), TryReserveError> {
     let roots = inputs.roots.par_iter().zip(sizes).zip(totals).zip(subtrees);
+    let _loop = span::pieces_of(1);
     roots.with_max_len(1).try_for_each(|(((root, size), totals), out)| {
+        let _piece = span::piece();
         out.clear();
         *totals = StageCounts::default();
         *size = Extent::default();

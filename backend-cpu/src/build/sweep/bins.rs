@@ -24,6 +24,7 @@ use super::matches::Ranges;
 use super::small::Small;
 use crate::cancel::ProgressMeter;
 use crate::simd::InstructionSet;
+use crate::span;
 
 /// References for each bin, roughly.
 const PER_BIN: usize = 4;
@@ -180,7 +181,9 @@ impl BinSearch<'_> {
         }
         let parts = &mut bins.parts[..parts];
         let chunks = self.references.par_chunks(CHUNK).zip(bins.places.par_chunks_mut(CHUNK));
+        let counting = span::pieces_of(1);
         parts.par_iter_mut().zip(chunks).for_each(|(part, (references, places))| {
+            let _piece = span::piece();
             for faces in &mut part.faces {
                 faces[..self.grid.bins].fill(0);
             }
@@ -188,7 +191,10 @@ impl BinSearch<'_> {
                 count_faces(self.set, &self.grid, references, &mut part.faces, places);
             }
         });
+        drop(counting);
+        let _loop = span::pieces_of(1);
         bins.faces.par_iter_mut().enumerate().for_each(|(word, faces)| {
+            let _piece = span::piece();
             faces.fill(0);
             for part in &*parts {
                 for bin in 0..self.grid.bins {
@@ -234,7 +240,9 @@ impl BinSearch<'_> {
         let (numbers, open) = (&bins.numbers, &bins.open);
         let ranges = ranges(open);
         let chunks = self.references.par_chunks(CHUNK).zip(bins.places.par_chunks(CHUNK));
+        let collecting = span::pieces_of(1);
         parts.par_iter_mut().zip(chunks).try_for_each(|(part, (references, places))| {
+            let _piece = span::piece();
             if self.meter.record_work(references.len() as u64) {
                 return Ok(());
             }
@@ -242,6 +250,7 @@ impl BinSearch<'_> {
             self.collect(part, references, places, numbers, open.len(), &ranges)
         })?;
         self.meter.check()?;
+        drop(collecting);
         let mut events = &mut bins.events[..];
         let mut lists = self.memory.temporary(open.len())?;
         for (number, open) in open.iter().enumerate() {
@@ -254,10 +263,12 @@ impl BinSearch<'_> {
         let (started, unfinished) = (&bins.started, &bins.unfinished);
         // The result of another task; a hint that affects only how long the search takes.
         let least = AtomicU64::new(self.limit.to_bits());
+        let _loop = span::pieces_of(1);
         let best = lists
             .into_par_iter()
             .with_max_len(1)
             .map(|(number, open, list)| {
+                let _piece = span::piece();
                 let mut best = BestSplit::below(self.limit);
                 if open.least > f64::from_bits(least.load(Relaxed)) {
                     return best;

@@ -39,6 +39,13 @@ impl SweepScratch {
         workers.len()
     }
 
+    /// Takes the longest list, for the root of the next build.
+    pub(super) fn longest_list(&mut self) -> Vec<Reference> {
+        let lists = self.lists.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let longest = (0..lists.len()).max_by_key(|&list| lists[list].len());
+        longest.map_or_else(Vec::new, |longest| lists.swap_remove(longest))
+    }
+
     /// All workers by number, when none is at work.
     ///
     /// # Errors

@@ -10,6 +10,7 @@ use super::thread_scratch::ThreadScratch;
 use crate::build::MOST_NODES;
 use crate::cancel::ProgressMeter;
 use crate::memory::boxed;
+use crate::span;
 
 /// A finished subtree.
 #[derive(Debug)]
@@ -166,6 +167,8 @@ impl Built {
         let [first_node, first_reference] = first;
         match self {
             Built::Whole(subtree) => {
+                let _loop = span::pieces_of(1);
+                let _piece = span::piece();
                 references.copy_from_slice(subtree.references_in(workers));
                 for (out, node) in nodes.iter_mut().zip(subtree.nodes_in(workers)) {
                     *out = match node.kind() {
@@ -190,7 +193,7 @@ impl Built {
                 let (references, far) = references.split_at_mut(left_references as usize);
                 let near_first = [first_node + 1, first_reference];
                 let far_first = [right_node, first_reference + left_references as u32];
-                let (left, right) = rayon::join(
+                let (left, right) = span::join(
                     || parts.left.emit_at(meter, workers, nodes, references, near_first),
                     || parts.right.emit_at(meter, workers, far_nodes, far, far_first),
                 );

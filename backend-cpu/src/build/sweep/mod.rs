@@ -58,7 +58,6 @@ mod top;
 
 use core::sync::atomic::AtomicUsize;
 
-use rayon::prelude::*;
 use splitplane_core::config::{BuildConfig, Sweep};
 use splitplane_core::error::BuildError;
 use splitplane_core::kernel::Counter;
@@ -75,9 +74,6 @@ use node::OpenNode;
 
 pub(super) use context::SweepScratch;
 
-/// References copied between two calls of the watch.
-const PIECE: usize = 1 << 13;
-
 /// Builds the tree over the references in `buffers`, which [`splitplane_core::build::schedule::start`] has made,
 /// into its nodes and leaf references. Returns how many there are of each.
 ///
@@ -92,6 +88,8 @@ pub(crate) fn build(
     meter: &ProgressMeter<'_>,
 ) -> Result<(usize, usize), BuildError> {
     let references = buffers.counters[Counter::ActiveReferences] as usize;
+    // The root's list becomes one of the lists that nodes hand on to one another.
+    let list = core::mem::take(&mut buffers.references);
     let shared = AtomicMemory::new(*memory);
     let workers = AtomicUsize::new(scratch.begin());
     // Tens of kilobytes that are never moved: unless this is optimised they would be on the stack
@@ -112,16 +110,9 @@ pub(crate) fn build(
         let root = OpenNode::root(buffers.root_bounds, u64::from(config.reference_cap(count)));
         // The shares of the leaves add up to the root's.
         meter.begin_stage(Stage::Offline, root.budget);
-        let mut list = builder.list(references)?;
-        let from = buffers.references[..references].par_chunks(PIECE);
-        list[..references].par_chunks_mut(PIECE).zip(from).for_each(|(list, references)| {
-            if !meter.record_work(references.len() as u64) {
-                list.copy_from_slice(references);
-            }
-        });
-        meter.check()?;
         builder.build(list, references, &root)?.0
     };
+    buffers.references = scratch.longest_list();
     meter.finish_stage();
     meter.check()?;
     *memory = shared.total();

@@ -14,6 +14,7 @@ use super::cost::{Cell, Split};
 use super::emit::Built;
 use super::node::OpenNode;
 use super::partition::partition;
+use crate::span;
 
 /// A node of at most this many references is one task.
 const TASK: usize = 2048;
@@ -83,7 +84,8 @@ impl BuildContext<'_> {
         node: &OpenNode,
     ) -> Result<Outcome, BuildError> {
         if count <= TASK {
-            let built = self.with_worker(|worker| worker.task(self, &mut list, count, node));
+            let built =
+                span::task(|| self.with_worker(|worker| worker.task(self, &mut list, count, node)));
             self.recycle(list);
             return built.map(|(subtree, cost)| Outcome::Built(Built::Whole(subtree), cost));
         }
@@ -117,7 +119,7 @@ impl BuildContext<'_> {
         let left = || self.build(left, counts[0], &nodes[0]);
         let right = || self.build(right, counts[1], &nodes[1]);
         let (left, right) =
-            if nodes[0].depth <= DIVIDED { rayon::join(left, right) } else { (left(), right()) };
+            if nodes[0].depth <= DIVIDED { span::join(left, right) } else { (left(), right()) };
         joined(&split, [step, leaf], count, left?, right?).map_err(|_| self.memory.lacking())
     }
 
@@ -144,11 +146,16 @@ impl BuildContext<'_> {
         }
         // In parts, which are then put together; they differ in length.
         let mut counts: Vec<[usize; 2]> = self.memory.temporary(count.div_ceil(CHUNK))?;
+        let dividing = span::pieces_of(1);
         list[..count]
             .par_chunks_mut(CHUNK)
             .zip(left[..count].par_chunks_mut(CHUNK))
-            .map(|(references, left)| move_some(references, left))
+            .map(|(references, left)| {
+                let _piece = span::piece();
+                move_some(references, left)
+            })
             .collect_into_vec(&mut counts);
+        drop(dividing);
         let sides = [0, 1].map(|side| counts.iter().map(|counts| counts[side]).sum::<usize>());
         let together = |list: Vec<Reference>, side: usize| -> Result<_, BuildError> {
             let mut out = self.list(sides[side])?;
@@ -159,7 +166,9 @@ impl BuildContext<'_> {
                 (to, rest) = rest.split_at_mut(counts[side]);
                 parts.push((&from[..counts[side]], to));
             }
+            let _loop = span::pieces_of(1);
             parts.into_par_iter().for_each(|(from, to)| {
+                let _piece = span::piece();
                 if !self.meter.record_work(from.len() as u64) {
                     to.copy_from_slice(from);
                 }

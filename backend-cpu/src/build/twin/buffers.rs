@@ -55,6 +55,20 @@ pub struct Buffers {
 }
 
 impl Buffers {
+    /// Frees all but corners and the finished tree.
+    pub(in crate::build) fn keep_finished(&mut self) {
+        let Buffers { triangles, nodes, leaf_references, counters, root_bounds, .. } =
+            core::mem::take(self);
+        let finished = (triangles, nodes, leaf_references);
+        (self.triangles, self.nodes, self.leaf_references) = finished;
+        (self.counters, self.root_bounds) = (counters, root_bounds);
+    }
+
+    /// Bytes of what [`Buffers::keep_finished`] keeps.
+    pub(in crate::build) fn finished_bytes(&self) -> u64 {
+        bytes_of(&self.triangles) + bytes_of(&self.nodes) + bytes_of(&self.leaf_references)
+    }
+
     /// Bytes of all vectors.
     pub fn bytes(&self) -> u64 {
         use bytes_of as of;

@@ -2,6 +2,7 @@
 //! those of one pixel are neighbours.
 
 use super::CHUNK;
+use crate::cpu::by_light::{Places, lights as asked_lights, rays_of, surfaces_of};
 use crate::cpu::scatter::by_chunk;
 use crate::layout::{Frame, Path, Spawned, Surface};
 use crate::vector::{Vector, add, scaled};
@@ -28,12 +29,12 @@ pub(crate) fn run(input: &Input<'_>, radiance: &mut [[f32; 4]]) {
     let base = paths[0].pixel as usize;
     by_chunk(0..chunks, &first, &mut radiance[base..], &mut [(); 0], &|chunk, radiance, _| {
         let base = first(chunk);
-        let mut light = input.spawned.get(chunk).map_or(0, |s| s.shadow_rays as usize);
+        let mut brought = Brought::at(input, chunk);
         let last = paths.len().min((chunk + 1) * CHUNK);
         let mut path = chunk * CHUNK;
         while path < last {
             if !begins(path) {
-                light += surfaces[path].shadow_rays() as usize;
+                brought.of(path).for_each(drop);
                 path += 1;
                 continue;
             }
@@ -46,12 +47,9 @@ pub(crate) fn run(input: &Input<'_>, radiance: &mut [[f32; 4]]) {
                 if surface.flags & Surface::UNFINISHED != 0 {
                     unfinished += 1.0;
                 }
-                for _ in 0..surface.shadow_rays() {
-                    // Paths beyond the capacity, in a void frame, have none.
-                    let [r, g, b, w] = input.lights.get(light).copied().unwrap_or_default();
+                for [r, g, b, w] in brought.of(path) {
                     sum = add(sum, [r, g, b]);
                     unfinished += w;
-                    light += 1;
                 }
                 path += 1;
             }
@@ -60,4 +58,35 @@ pub(crate) fn run(input: &Input<'_>, radiance: &mut [[f32; 4]]) {
             radiance[pixel as usize - base] = [r, g, b, w + unfinished];
         }
     });
+}
+
+/// The light that shadow rays brought, path after path.
+struct Brought<'a> {
+    input: &'a Input<'a>,
+    /// The chunk of the next path.
+    chunk: usize,
+    lights: &'a [[f32; 4]],
+    places: Places,
+}
+
+impl<'a> Brought<'a> {
+    /// From the first path of a chunk on.
+    fn at(input: &'a Input<'a>, chunk: usize) -> Brought<'a> {
+        let lights = match input.spawned {
+            [] => &[],
+            spawned => &input.lights[rays_of(spawned, chunk, input.lights.len())],
+        };
+        let places = Places::of(surfaces_of(input.surfaces, chunk), lights.len());
+        Brought { input, chunk, lights, places }
+    }
+
+    /// Those of the next path, which must be this one, light by light.
+    fn of(&mut self, path: usize) -> impl Iterator<Item = [f32; 4]> + use<'_, 'a> {
+        if path / CHUNK != self.chunk {
+            *self = Brought::at(self.input, path / CHUNK);
+        }
+        // Paths beyond the capacity, in a void frame, have none.
+        asked_lights(self.input.surfaces[path].lights)
+            .map(|light| self.lights.get(self.places.next(light)).copied().unwrap_or_default())
+    }
 }

@@ -1,14 +1,15 @@
 //! Removes the light of shadow rays that hit something opaque; clear surfaces only tint it. Light
 //! goes straight through them: no lens gathers it.
 
-use super::shadow_hits::Input;
-use crate::cpu::by_light::ByLight;
+use crate::cpu::by_light::rays_of;
 use crate::cpu::traced::Traced;
+use crate::layout::Spawned;
 use crate::scene_data::DIELECTRIC;
 use crate::scene_words::SceneWords;
 use crate::surface::{MOST_CLEAR_LAYERS, after};
 use crate::vector::{greatest, mul};
 use crate::world::{Spot, World};
+use bytemuck::Zeroable;
 use rayon::prelude::*;
 use splitplane_core::error::QueryError;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
@@ -17,9 +18,11 @@ use splitplane_core::scene::SceneHit;
 /// Chunks that a thread takes at a time.
 const CHUNKS: usize = 8;
 
-/// What rays met; kept between waves.
+/// Rays that have passed clear surfaces, and what rays met; kept between waves.
 pub(crate) struct Met<'a> {
-    pub(crate) by_light: &'a mut ByLight,
+    pub(crate) rays: &'a mut Vec<Ray>,
+    /// The number of each among those of its chunk.
+    pub(crate) numbers: &'a mut Vec<u32>,
     pub(crate) hits: &'a mut Vec<Hit>,
     pub(crate) scene_hits: &'a mut Vec<SceneHit>,
     pub(crate) instances: &'a mut Vec<u32>,
@@ -27,6 +30,8 @@ pub(crate) struct Met<'a> {
 
 /// The rays of a chunk of paths that are still under way, and the light of all its rays.
 struct Part<'a> {
+    /// All of the chunk, before the first of them has passed anything; later none.
+    all: &'a [Ray],
     rays: &'a mut [Ray],
     numbers: &'a mut [u32],
     hits: &'a [Hit],
@@ -42,36 +47,39 @@ pub(crate) fn run(
     options: &QueryOptions<'_>,
     scene: &SceneWords<'_>,
     world: impl World,
-    input: &Input<'_>,
+    (stored, spawned): (&[Ray], &[Spawned]),
     lights: &mut [[f32; 4]],
     met: Met<'_>,
 ) -> Result<(), QueryError> {
-    let Input { surfaces, spawned, rays: stored } = *input;
-    let Met { by_light, hits, scene_hits, instances } = met;
-    by_light.take(surfaces, spawned, stored);
-    let (rays, numbers) =
-        (&mut by_light.rays[..stored.len()], &mut by_light.numbers[..stored.len()]);
+    let Met { rays, numbers, hits, scene_hits, instances } = met;
+    if rays.len() < stored.len() {
+        rays.resize(stored.len(), Ray::zeroed());
+        numbers.resize(stored.len(), 0);
+    }
     if hits.len() < stored.len() {
         hits.resize(stored.len(), Hit::MISS);
     }
-    // A void frame has fewer rays than surfaces ask for.
-    let starts = spawned.iter().map(|spawned| (spawned.shadow_rays as usize).min(stored.len()));
-    let ends = starts.clone().skip(1).chain([stored.len()]);
-    let stored_counts: Vec<usize> = starts.zip(ends).map(|(start, end)| end - start).collect();
+    let stored_counts: Vec<usize> =
+        (0..spawned.len()).map(|chunk| rays_of(spawned, chunk, stored.len()).len()).collect();
     let mut counts = stored_counts.clone();
     let mut count = stored.len();
     for layer in 0..=MOST_CLEAR_LAYERS {
         let hits = &mut hits[..count];
-        traced.closest_hits(&rays[..count], hits, (&mut *scene_hits, &mut *instances), options)?;
+        // The rays as they are stored stay what they are: those that go on are copied.
+        let mut all = if layer == 0 { stored } else { &[] };
+        let under_way = if layer == 0 { stored } else { &rays[..count] };
+        traced.closest_hits(under_way, hits, (&mut *scene_hits, &mut *instances), options)?;
         let mut parts = Vec::with_capacity(counts.len());
-        let mut rest = (&mut *rays, &mut *numbers, &*hits, &instances[..], &mut *lights);
+        let mut rest = (&mut rays[..], &mut numbers[..], &*hits, &instances[..], &mut *lights);
         for (&stored, &count) in stored_counts.iter().zip(&counts) {
             let (rays, rays_left) = rest.0.split_at_mut(count);
             let (numbers, numbers_left) = rest.1.split_at_mut(count);
             let (hits, hits_left) = rest.2.split_at(count);
             let (instances, instances_left) = rest.3.split_at(count.min(rest.3.len()));
             let (lights, lights_left) = rest.4.split_at_mut(stored);
-            parts.push(Part { rays, numbers, hits, instances, lights, kept: 0 });
+            let (own, all_left) = all.split_at(count.min(all.len()));
+            all = all_left;
+            parts.push(Part { all: own, rays, numbers, hits, instances, lights, kept: 0 });
             rest = (rays_left, numbers_left, hits_left, instances_left, lights_left);
         }
         let last = layer == MOST_CLEAR_LAYERS;
@@ -96,11 +104,14 @@ impl Part<'_> {
     /// Tints or removes the light of rays that hit something, and moves those that go on to the front. `last` says that no more
     /// clear surfaces are passed.
     fn pass(&mut self, scene: &SceneWords<'_>, world: impl World, last: bool) {
-        for i in 0..self.rays.len() {
-            let (hit, number) = (self.hits[i], self.numbers[i]);
+        for (i, &hit) in self.hits.iter().enumerate() {
             if !hit.is_hit() {
                 continue;
             }
+            let (ray, number) = match self.all.get(i) {
+                Some(ray) => (*ray, i as u32),
+                None => (self.rays[i], self.numbers[i]),
+            };
             let light = &mut self.lights[number as usize];
             let instance = self.instances.get(i).copied().unwrap_or(0);
             let material = world.material(scene, Spot { triangle: hit.triangle, instance });
@@ -112,7 +123,6 @@ impl Part<'_> {
             let [r, g, b] = mul([light[0], light[1], light[2]], tint);
             *light = [r, g, b, 0.0];
             if greatest([r, g, b]) > 0.0 {
-                let ray = self.rays[i];
                 self.rays[self.kept] = ray.with_limits(after(hit.t), ray.t_max);
                 self.numbers[self.kept] = number;
                 self.kept += 1;

@@ -16,6 +16,7 @@ use super::GRAIN;
 use crate::build::twin::count_bins::count_axis;
 use crate::cancel::ProgressMeter;
 use crate::simd::{Compiled, InstructionSet, Simd};
+use crate::span;
 
 /// Runs the kernel.
 pub(crate) fn run<A: Arithmetic>(
@@ -27,7 +28,9 @@ pub(crate) fn run<A: Arithmetic>(
     references: &[Reference],
     chunk_bins: &mut [ChunkBins],
 ) {
+    let _loop = span::pieces_of(GRAIN);
     chunks.par_iter().zip(chunk_bins).with_min_len(GRAIN).for_each(|(chunk, out)| {
+        let _piece = span::piece();
         if meter.record_work(u64::from(chunk.count)) {
             return;
         }

@@ -17,6 +17,7 @@ use crate::cancel::ProgressMeter;
 use crate::simd::InstructionSet;
 use crate::simd::references::ReferenceOps;
 use crate::simd::{Compiled, Simd};
+use crate::span;
 
 /// Roots of one task. Their subtrees share two vectors.
 pub(crate) const BATCH: usize = 32;
@@ -34,8 +35,10 @@ pub(crate) fn run<A: Arithmetic>(
     sizes: &mut [Extent],
     subtrees: &mut [Subtrees],
 ) -> Result<(), TryReserveError> {
+    let _loop = span::pieces_of(1);
     roots.par_chunks(BATCH).zip(sizes.par_chunks_mut(BATCH)).zip(subtrees).try_for_each(
         |((roots, sizes), out)| {
+            let _piece = span::piece();
             if meter.is_cancelled() {
                 return Ok(());
             }

@@ -12,6 +12,7 @@ use splitplane_core::triangle::{Triangle, clip, corners_on_both_sides};
 
 use super::GRAIN;
 use crate::cancel::ProgressMeter;
+use crate::span;
 
 /// Runs the kernel.
 #[allow(clippy::too_many_arguments, reason = "the buffers it reads and writes")]
@@ -26,8 +27,10 @@ pub(crate) fn run<A: Arithmetic>(
     chunk_counts: &mut [Sides],
 ) {
     let (named, decided) = (&*chunks, &*decisions);
+    let classifying = span::pieces_of(GRAIN);
     named.par_iter().zip(reference_sides).zip(&mut *chunk_counts).with_min_len(GRAIN).for_each(
         |((chunk, sides), counts)| {
+            let _piece = span::piece();
             if meter.record_work(u64::from(chunk.count)) {
                 return;
             }
@@ -42,6 +45,7 @@ pub(crate) fn run<A: Arithmetic>(
             *counts = sides.counts();
         },
     );
+    drop(classifying);
     // Serial: it adds a few numbers for 256 references.
     for (chunk, counts) in chunk_counts.iter().enumerate() {
         count_children(chunk, *counts, chunks, decisions);

@@ -10,6 +10,7 @@ use splitplane_core::tree::node::{KdNode, NodeKind};
 use crate::build::twin::subtrees::Subtrees;
 use crate::cancel::ProgressMeter;
 use crate::memory::Scatter;
+use crate::span;
 
 /// Runs the kernel. `subtrees` holds an element for each `batch` roots.
 #[allow(clippy::too_many_arguments, reason = "the buffers it reads and writes")]
@@ -27,7 +28,9 @@ pub(crate) fn run(
     let leaf_references = Scatter::new(leaf_references);
     let addresses = addresses.par_chunks(batch);
     let batches = roots.par_chunks(batch).zip(sizes.par_chunks(batch)).zip(addresses).zip(subtrees);
+    let _loop = span::pieces_of(1);
     batches.for_each(|(((roots, sizes), addresses), subtrees)| {
+        let _piece = span::piece();
         if meter.is_cancelled() {
             return;
         }

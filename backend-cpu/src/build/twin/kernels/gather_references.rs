@@ -11,6 +11,7 @@ use splitplane_core::triangle::{Triangle, prepare};
 use super::GRAIN;
 use crate::cancel::ProgressMeter;
 use crate::memory::Scatter;
+use crate::span;
 
 /// Runs the kernel. `references` is as long as there are triangles kept.
 pub(crate) fn run(
@@ -21,8 +22,10 @@ pub(crate) fn run(
 ) {
     let kept = references.len();
     let references = Scatter::new(references);
+    let _loop = span::pieces_of(GRAIN);
     triangles.par_chunks(CHUNK as usize).enumerate().with_min_len(GRAIN).for_each(
         |(chunk, triangles)| {
+            let _piece = span::piece();
             if meter.is_cancelled() {
                 return;
             }

@@ -9,6 +9,7 @@ use splitplane_core::layout::{Chunk, ChunkBounds, LargeNode};
 
 use super::{GRAIN, name_chunks};
 use crate::cancel::ProgressMeter;
+use crate::span;
 
 /// Runs the kernel.
 pub(crate) fn run(
@@ -19,7 +20,9 @@ pub(crate) fn run(
     node_bounds: &mut [Aabb],
 ) {
     name_chunks(active, chunks);
+    let _loop = span::pieces_of(GRAIN);
     active.par_iter().zip(node_bounds).with_min_len(GRAIN).for_each(|(node, bounds)| {
+        let _piece = span::piece();
         if meter.is_cancelled() {
             return;
         }

@@ -12,6 +12,7 @@ use splitplane_core::triangle::{Triangle, clip};
 use super::GRAIN;
 use crate::cancel::ProgressMeter;
 use crate::memory::Scatter;
+use crate::span;
 
 /// What the kernel reads.
 #[derive(Debug)]
@@ -46,6 +47,7 @@ pub(crate) fn run<A: Arithmetic>(
     scan(inputs, offsets);
     let next = Scatter::new(next_references);
     let small = Scatter::new(small_references);
+    let _loop = span::pieces_of(GRAIN);
     inputs
         .chunks
         .par_iter()
@@ -54,6 +56,7 @@ pub(crate) fn run<A: Arithmetic>(
         .zip(chunk_bounds)
         .with_min_len(GRAIN)
         .for_each(|(((chunk, sides), offsets), bounds)| {
+            let _piece = span::piece();
             if meter.record_work(2 * u64::from(chunk.count)) {
                 return;
             }

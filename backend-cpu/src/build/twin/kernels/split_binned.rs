@@ -13,6 +13,7 @@ use splitplane_core::config::{BuildConfig, CHUNK};
 use splitplane_core::layout::{ChunkBins, Decision, LargeNode};
 
 use crate::cancel::ProgressMeter;
+use crate::span;
 
 /// Runs the kernel.
 pub(crate) fn run<A: Arithmetic>(
@@ -23,8 +24,10 @@ pub(crate) fn run<A: Arithmetic>(
     chunk_bins: &[ChunkBins],
     decisions: &mut [Decision],
 ) {
+    let _loop = span::pieces_of(4);
     active.par_iter().zip(node_bounds).zip(decisions).with_min_len(4).for_each(
         |((node, tight), decision)| {
+            let _piece = span::piece();
             // A chunk's bins take about as long as a quarter of its references.
             if !meter.record_work(u64::from(node.count / 4)) {
                 *decision = decide::<A>(config, node, tight, chunk_bins);

@@ -14,6 +14,7 @@ use splitplane_core::layout::{Chunk, ChunkBounds, Decision, LargeNode, Reference
 use super::node_bounds::tight;
 use super::{GRAIN, name_chunks};
 use crate::cancel::ProgressMeter;
+use crate::span;
 
 /// Runs the kernel.
 pub(crate) fn run<A: Arithmetic>(
@@ -26,7 +27,9 @@ pub(crate) fn run<A: Arithmetic>(
     decisions: &mut [Decision],
 ) {
     name_chunks(active, chunks);
+    let _loop = span::pieces_of(GRAIN);
     active.par_iter().zip(decisions).with_min_len(GRAIN).for_each(|(node, decision)| {
+        let _piece = span::piece();
         if !meter.record_work(4 + u64::from(node.source_chunks)) {
             let tight = tight(node, chunk_bounds);
             *decision = decide::<A>(meter, config, node, &tight, references);

@@ -12,6 +12,7 @@ use splitplane_core::triangle::{Triangle, prepare};
 
 use super::GRAIN;
 use crate::cancel::ProgressMeter;
+use crate::span;
 
 /// Runs the kernel.
 pub(crate) fn run(
@@ -21,6 +22,7 @@ pub(crate) fn run(
     chunk_counts: &mut [Sides],
     chunk_bounds: &mut [ChunkBounds],
 ) {
+    let _loop = span::pieces_of(GRAIN);
     triangles
         .par_chunks_mut(CHUNK as usize)
         .zip(chunk_counts)
@@ -28,6 +30,7 @@ pub(crate) fn run(
         .enumerate()
         .with_min_len(GRAIN)
         .for_each(|(chunk, ((triangles, counts), bounds))| {
+            let _piece = span::piece();
             if meter.is_cancelled() {
                 return;
             }
