@@ -9,6 +9,7 @@
 //! Each shader is compiled in a process of its own, which can be ended, and whose greatest memory is that of this shader. On Linux
 //! only: elsewhere no system says what a process took. Exit code 1 where a shader does not compile, or takes more than 5 s or 1 GiB.
 
+use std::borrow::Cow;
 use std::error::Error;
 use std::io::Write;
 use std::process::{Command, ExitCode, Stdio};
@@ -16,7 +17,7 @@ use std::time::Duration;
 
 use splitplane_shaders::{
     CHECKS, COMPRESS, KERNELS, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_COMPRESSED,
-    RENDER_RETRIES, RENDER_SETTLES, find,
+    RENDER_RETRIES, RENDER_SETTLES, find, for_software, join,
 };
 use splitplane_wgpu::{Gpu, OpenOptions};
 
@@ -46,7 +47,7 @@ fn main() -> ExitCode {
 
 /// Compiles one shader, and writes what that took.
 fn one(adapter: &str, shader: &str) -> Result<(), Box<dyn Error>> {
-    let source = find(shader).ok_or("no such shader")?.source();
+    let shader = find(shader).ok_or("no such shader")?;
     let options = OpenOptions {
         adapter: Some(adapter.into()),
         default_limits: true,
@@ -55,8 +56,10 @@ fn one(adapter: &str, shader: &str) -> Result<(), Box<dyn Error>> {
         ..OpenOptions::default()
     };
     let gpu = Gpu::open(&options)?;
+    let parts = Cow::Borrowed(shader.parts);
+    let source = join(&if gpu.is_software() { for_software(parts) } else { parts });
     let before = taken().ok_or("this system does not say what a process takes")?;
-    gpu.pipeline(shader, &source)?;
+    gpu.pipeline(shader.name, &source)?;
     let after = taken().ok_or("this system does not say what a process takes")?;
     println!("took {:.2} {:.0}", after[0] - before[0], after[1] - before[1]);
     Ok(())

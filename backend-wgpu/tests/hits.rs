@@ -721,16 +721,8 @@ fn planted_faults_are_seen() {
         ("edges swapped", "edge_function(seen.c, seen.b)", "edge_function(seen.b, seen.c)"),
         ("higher index wins", "triangle < search.triangle", "triangle > search.triangle"),
         ("open interval", "key <= ray.greatest_key", "key < ray.greatest_key"),
-        (
-            "t is only interpolated",
-            "if abs(det) >= fat && most(disorder, SUM_LEAST) <= eightfold {",
-            "if true {",
-        ),
-        (
-            "t is never interpolated",
-            "if abs(det) >= fat && most(disorder, SUM_LEAST) <= eightfold {",
-            "if false {",
-        ),
+        ("t is only interpolated", "if interpolates {", "if true {"),
+        ("t is never interpolated", "if interpolates {", "if false {"),
         (
             "disorder is bounded by nothing",
             "free_mul(0x1.004p+0f, free_mul_add(1.0, width, deepest))",
@@ -790,6 +782,7 @@ fn planted_faults_are_seen() {
             "return deferred_rays[1u + 4u * place];",
             "return deferred_rays[1u + 4u * (place / 2u)];",
         ),
+        ("an invocation takes one entry of the list", "place += apart", "place += 0x10000000u"),
         ("-0 below +0", "if bits == 0x80000000u {", "if false {"),
     ] {
         let faulty = sources.clone().map(|source| source.replacen(right, wrong, 1));

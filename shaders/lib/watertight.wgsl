@@ -99,12 +99,16 @@ fn finish_test(
     let fat = most(product(product(width, width), SLIVER), DET_LEAST);
     let eightfold = product(8.0, abs(total));
     // Disorder is the reach times the width times the spread. Nearly always a bound that takes no corners says enough.
-    var disorder = free_mul(free_mul(loose_reach(seen, width), width), spread);
-    if abs(det) < fat || most(disorder, SUM_LEAST) > eightfold {
+    let is_fat = abs(det) >= fat;
+    let loose = free_mul(free_mul(loose_reach(seen, width), width), spread);
+    var interpolates = is_fat && most(loose, SUM_LEAST) <= eightfold;
+    var disorder = 0.0;
+    if !interpolates {
         disorder = product(product(reach_again(origin, index, seen), width), spread);
+        interpolates = is_fat && most(disorder, SUM_LEAST) <= eightfold;
     }
     var hit = Candidate(true, false, 0.0, vec3<f32>(edges.y, edges.z, det));
-    if abs(det) >= fat && most(disorder, SUM_LEAST) <= eightfold {
+    if interpolates {
         if free_mul(total, free_reciprocal(det)) > stop {
             return no_candidate();
         }

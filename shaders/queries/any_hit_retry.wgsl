@@ -6,17 +6,19 @@
 
 @group(0) @binding(5) var<storage, read_write> occluded: array<u32>;
 
+fn take_entry(place: u32) {
+    let index = deferred_ray(place);
+    to_take_up = left_of_walk(place);
+    let hit = trace_ray(batch_ray(index), QueryOptions(batch.culling, batch.ignore), true);
+    occluded[index] = occluded_word(hit);
+}
+
 @compute @workgroup_size(64)
 fn main(
     @builtin(workgroup_id) workgroup: vec3<u32>,
     @builtin(num_workgroups) workgroups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let apart = workgroups.x * workgroups.y * 64u;
-    for (var place = ray_index(workgroup, workgroups, local); place < deferred_count(); place += apart) {
-        let index = deferred_ray(place);
-        to_take_up = left_of_walk(place);
-        let hit = trace_ray(batch_ray(index), QueryOptions(batch.culling, batch.ignore), true);
-        occluded[index] = occluded_word(hit);
-    }
+    let first = ray_index(workgroup, workgroups, local);
+    take_entries(first, deferred_count(), workgroups.x * workgroups.y * 64u);
 }

@@ -5,15 +5,17 @@
 // Writes: hits, as `trace_instances` does; no ray is deferred again.
 // Ties: among equal `t` the lower instance, then the lower triangle index.
 
+fn take_entry(place: u32) {
+    let index = deferred_ray(place);
+    let traced = trace_entered(index, ways[index]);
+}
+
 @compute @workgroup_size(64)
 fn main(
     @builtin(workgroup_id) workgroup: vec3<u32>,
     @builtin(num_workgroups) workgroups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let apart = workgroups.x * workgroups.y * 64u;
-    for (var place = ray_index(workgroup, workgroups, local); place < deferred_count(); place += apart) {
-        let index = deferred_ray(place);
-        let traced = trace_entered(index, ways[index]);
-    }
+    let first = ray_index(workgroup, workgroups, local);
+    take_entries(first, deferred_count(), workgroups.x * workgroups.y * 64u);
 }

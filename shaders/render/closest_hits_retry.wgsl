@@ -13,6 +13,15 @@
 @group(0) @binding(7) var<uniform> scene: Scene;
 @group(0) @binding(8) var<storage, read_write> deferred_rays: array<u32>;
 
+fn take_entry(place: u32) {
+    let options = QueryOptions(frame.culling, frame.ignore);
+    let at = DEFERRED_HEAD + 4u * place;
+    let index = deferred_rays[at];
+    to_take_up = vec3<u32>(deferred_rays[at + 1u], deferred_rays[at + 2u], deferred_rays[at + 3u]);
+    let ray = ray_of_words(rays[2u * index], rays[2u * index + 1u]);
+    hits[index] = hit_words(closest_hit(ray, options));
+}
+
 @compute @workgroup_size(64)
 fn main(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -20,13 +29,5 @@ fn main(
     @builtin(local_invocation_index) lane: u32,
 ) {
     opaque_zero = frame.zero;
-    let count = deferred_rays[DEFERRED_PATHS];
-    let options = QueryOptions(frame.culling, frame.ignore);
-    for (var place = group.x * TRACED + lane; place < count; place += groups.x * TRACED) {
-        let at = DEFERRED_HEAD + 4u * place;
-        let index = deferred_rays[at];
-        to_take_up = vec3<u32>(deferred_rays[at + 1u], deferred_rays[at + 2u], deferred_rays[at + 3u]);
-        let ray = ray_of_words(rays[2u * index], rays[2u * index + 1u]);
-        hits[index] = hit_words(closest_hit(ray, options));
-    }
+    take_entries(group.x * TRACED + lane, deferred_rays[DEFERRED_PATHS], groups.x * TRACED);
 }

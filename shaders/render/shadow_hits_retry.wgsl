@@ -12,6 +12,26 @@
 @group(0) @binding(7) var<uniform> scene: Scene;
 @group(0) @binding(8) var<storage, read_write> deferred_rays: array<atomic<u32>>;
 
+fn take_entry(place: u32) {
+    let options = QueryOptions(frame.culling, frame.ignore);
+    let at = DEFERRED_HEAD + 4u * place;
+    let index = atomicLoad(&deferred_rays[at]);
+    to_take_up = vec3<u32>(
+        atomicLoad(&deferred_rays[at + 1u]), atomicLoad(&deferred_rays[at + 2u]), atomicLoad(&deferred_rays[at + 3u]));
+    shadow_light[index].w = 0.0;
+    let first = shadow_rays[2u * index];
+    let second = shadow_rays[2u * index + 1u];
+    let ray = ray_of_words(first, second);
+    let hit = trace_ray(ray, options, true);
+    if hit.triangle == UNDECIDED_HIT {
+        let light = shadow_light[index].xyz;
+        leave_undecided(UNDECIDED_SHADOW_RAYS, index, NO_TRIANGLE, first, second, light);
+    } else if hit.triangle != NO_TRIANGLE {
+        let unfinished = select(0.0, 1.0, hit.triangle == UNFINISHED);
+        shadow_light[index] = vec4<f32>(0.0, 0.0, 0.0, unfinished);
+    }
+}
+
 @compute @workgroup_size(64)
 fn main(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -19,24 +39,5 @@ fn main(
     @builtin(local_invocation_index) lane: u32,
 ) {
     opaque_zero = frame.zero;
-    let count = atomicLoad(&deferred_rays[DEFERRED_SHADOW_RAYS]);
-    let options = QueryOptions(frame.culling, frame.ignore);
-    for (var place = group.x * TRACED + lane; place < count; place += groups.x * TRACED) {
-        let at = DEFERRED_HEAD + 4u * place;
-        let index = atomicLoad(&deferred_rays[at]);
-        to_take_up = vec3<u32>(
-            atomicLoad(&deferred_rays[at + 1u]), atomicLoad(&deferred_rays[at + 2u]), atomicLoad(&deferred_rays[at + 3u]));
-        shadow_light[index].w = 0.0;
-        let first = shadow_rays[2u * index];
-        let second = shadow_rays[2u * index + 1u];
-        let ray = ray_of_words(first, second);
-        let hit = trace_ray(ray, options, true);
-        if hit.triangle == UNDECIDED_HIT {
-            let light = shadow_light[index].xyz;
-            leave_undecided(UNDECIDED_SHADOW_RAYS, index, NO_TRIANGLE, first, second, light);
-        } else if hit.triangle != NO_TRIANGLE {
-            let unfinished = select(0.0, 1.0, hit.triangle == UNFINISHED);
-            shadow_light[index] = vec4<f32>(0.0, 0.0, 0.0, unfinished);
-        }
-    }
+    take_entries(group.x * TRACED + lane, atomicLoad(&deferred_rays[DEFERRED_SHADOW_RAYS]), groups.x * TRACED);
 }

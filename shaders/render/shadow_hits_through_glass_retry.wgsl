@@ -13,6 +13,27 @@
 @group(0) @binding(8) var<storage, read_write> deferred_rays: array<atomic<u32>>;
 @group(0) @binding(9) var<storage, read> scene_words: array<u32>;
 
+fn take_entry(place: u32) {
+    let options = QueryOptions(frame.culling, frame.ignore);
+    let index = atomicLoad(&deferred_rays[DEFERRED_HEAD + 4u * place]);
+    begin_light(shadow_light[index].xyz);
+    shadow_light[index].w = 0.0;
+    let first = shadow_rays[2u * index];
+    let second = shadow_rays[2u * index + 1u];
+    let ray = ray_of_words(first, second);
+    let hit = trace_ray(ray, options, false);
+    if hit.triangle == UNFINISHED {
+        shadow_light[index] = vec4<f32>(0.0, 0.0, 0.0, 1.0);
+    } else if is_undecided(hit) {
+        let light = shadow_light[index].xyz;
+        leave_undecided(UNDECIDED_SHADOW_RAYS, index, NO_TRIANGLE, first, second, light);
+    } else if is_dark {
+        shadow_light[index] = vec4<f32>(0.0);
+    } else {
+        shadow_light[index] = vec4<f32>(light_left, 0.0);
+    }
+}
+
 @compute @workgroup_size(64)
 fn main(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -20,25 +41,5 @@ fn main(
     @builtin(local_invocation_index) lane: u32,
 ) {
     opaque_zero = frame.zero;
-    let count = atomicLoad(&deferred_rays[DEFERRED_SHADOW_RAYS]);
-    let options = QueryOptions(frame.culling, frame.ignore);
-    for (var place = group.x * TRACED + lane; place < count; place += groups.x * TRACED) {
-        let index = atomicLoad(&deferred_rays[DEFERRED_HEAD + 4u * place]);
-        begin_light(shadow_light[index].xyz);
-        shadow_light[index].w = 0.0;
-        let first = shadow_rays[2u * index];
-        let second = shadow_rays[2u * index + 1u];
-        let ray = ray_of_words(first, second);
-        let hit = trace_ray(ray, options, false);
-        if hit.triangle == UNFINISHED {
-            shadow_light[index] = vec4<f32>(0.0, 0.0, 0.0, 1.0);
-        } else if is_undecided(hit) {
-            let light = shadow_light[index].xyz;
-            leave_undecided(UNDECIDED_SHADOW_RAYS, index, NO_TRIANGLE, first, second, light);
-        } else if is_dark {
-            shadow_light[index] = vec4<f32>(0.0);
-        } else {
-            shadow_light[index] = vec4<f32>(light_left, 0.0);
-        }
-    }
+    take_entries(group.x * TRACED + lane, atomicLoad(&deferred_rays[DEFERRED_SHADOW_RAYS]), groups.x * TRACED);
 }

@@ -9,6 +9,7 @@ mod continued;
 mod embed;
 mod query;
 mod render;
+mod software;
 mod table;
 
 pub use continued::{continue_lists, parts_by_halves};
@@ -19,6 +20,7 @@ pub use query::query;
 pub use render::{
     RenderFeatures, has_tail, render_compressed, render_parts, render_retry, render_settle,
 };
+pub use software::for_software;
 pub use table::{
     CHECKS, COMPRESS, KERNEL_RETRIES, KERNELS, LIBRARY, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER,
     RENDER_COMPRESSED, RENDER_RETRIES, RENDER_SETTLES,

@@ -86,7 +86,9 @@ pub(crate) fn answers(
         let mut pass = encoder.begin_compute_pass(&Default::default());
         pass.set_pipeline(&pipeline);
         pass.set_bind_group(0, &bindings, &[]);
-        pass.dispatch_workgroups(rays.len().div_ceil(64) as u32, 1, 1);
+        // Invocations of a retry may be fewer than the rays that are left to them.
+        let workgroups = rays.len().div_ceil(if retries { 128 } else { 64 });
+        pass.dispatch_workgroups(workgroups as u32, 1, 1);
     }
     gpu.submit([encoder.finish()]).expect("commands");
     let count = bytemuck::pod_read_unaligned(&super::common::read(&deferred)[..4]);
