@@ -93,9 +93,10 @@ fn nothing_is_written_over_what_is_read() {
         assert!(said.contains(&format!("`{over}` is read already")), "{arguments:?}: {said}");
         assert!(contents().eq(before.iter().cloned()), "{arguments:?}");
     }
-    for arguments in
-        [["convert", "square.ply", "square.ply"], ["merge", "one.picpart", "one.picpart"]]
-    {
+    for arguments in [
+        &["convert", "square.ply", "square.ply"][..],
+        &["merge", "one.picpart", "--output", "one.picpart"],
+    ] {
         let output = program(&folder).args(arguments).output().unwrap();
         let said = text(&output.stderr);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
