@@ -424,8 +424,8 @@ fn planted_faults_are_found() {
         (
             TraceInstancesRetry,
             "retries",
-            "place < deferred_count()",
-            "place < (deferred_count() & 0u)",
+            "take_entries(first, deferred_count(),",
+            "take_entries(first, deferred_count() & 0u,",
         ),
         (EnterInstances, "masks", "(asked.x & scene_batch.mask) != 0u", "true"),
         (EnterInstances, "both sides", "& 3u) != 3u", "& 3u) != 4u"),
