@@ -172,7 +172,7 @@ fn refusals<T, E: Error>(
 ) -> i64 {
     let pool = pool(threads);
     pool.install(|| {
-        let (mut most, mut errors) = (0, 0);
+        let (mut most, mut last, mut errors) = (0, 0, 0);
         for once in [true, false] {
             for number in 0.. {
                 let refuse = Refuse { number, once, least };
@@ -188,13 +188,17 @@ fn refusals<T, E: Error>(
                 }
                 drop(out);
                 assert!(is_unchanged(), "{what}: {refuse:?}");
-                most = most.max(number);
+                (most, last) = (most.max(number), number);
                 if !was_refused {
                     break;
                 }
             }
         }
-        assert!(errors >= most, "{what}: {errors} errors of {most} requests refused twice");
+        // How many requests there are depends on what a backend keeps from the work before, which refusals change.
+        assert!(
+            errors >= last,
+            "{what}: {errors} errors of {last} requests refused with all that follow"
+        );
         most
     })
 }
