@@ -1,4 +1,5 @@
-//! What is written has files of its own: never what the same command reads, nor what it writes besides.
+//! What is written has files of its own: none that the command line gives to read, nor another that it writes. Files that a scene names in
+//! its text are not known here.
 
 use super::failure::Failure;
 use super::files;
