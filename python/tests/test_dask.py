@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import gc
 import os
 import pickle
 import signal
@@ -26,7 +27,7 @@ from distributed import Client, LocalCluster  # noqa: E402
 import splitplane  # noqa: E402
 import splitplane.dask  # noqa: E402
 from splitplane import PointTree, Scene, Tree  # noqa: E402
-from splitplane.dask import frames, share  # noqa: E402
+from splitplane.dask import _flow, frames, share  # noqa: E402
 
 VERTICES, FACES = sphere(24, 16)
 ORIGIN = np.array([500_000.0, -3.0, 20.0])
@@ -335,12 +336,37 @@ def test_progress_and_what_ends_the_work(client: Client) -> None:
         stream = shared.stream("closest_hits", rays, chunk=10)
         next(stream)
         stream.close()  # type: ignore[attr-defined]
-        deadline = time.monotonic() + 300
-        while client.run_on_scheduler(_tasks, shared._name):
-            left = time.monotonic() < deadline or client.run_on_scheduler(_states, shared._name)
-            assert left is True, f"cancelled chunks are still there: {left}"
-            time.sleep(0.02)
+        assert_nothing_is_left(client, shared._name)
         assert_same(shared.closest_hits(rays), tree.closest_hits(rays))
+
+
+def assert_nothing_is_left(client: Client, name: str) -> None:
+    """The cluster forgets all chunks, within a time that a busy machine may need."""
+    deadline = time.monotonic() + 300
+    while client.run_on_scheduler(_tasks, name):
+        left = time.monotonic() < deadline or client.run_on_scheduler(_states, name)
+        assert left is True, f"chunks are still there: {left}"
+        time.sleep(0.02)
+
+
+def test_workers_keep_no_answer_that_was_given_out(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Waits that time out leave their futures in cycles of references, and nothing collects those here.
+    monkeypatch.setattr(_flow, "BETWEEN", 1e-6)
+    tree, rays, waits = Tree.build(*sphere(128, 96)), rays_at(100_000), 0
+
+    def progress(stage: str, done: int, total: int) -> None:
+        nonlocal waits
+        waits += 1
+
+    gc.collect()
+    gc.disable()
+    try:
+        with share(tree, client, chunk=10_000) as shared:
+            shared.closest_hits(rays, progress=progress)
+            assert waits > 12, "no wait has timed out"
+            assert_nothing_is_left(client, shared._name)
+    finally:
+        gc.enable()
 
 
 def test_ctrl_c_ends_chunks_that_workers_have(client: Client) -> None:

@@ -67,7 +67,9 @@ def in_order(
         fill()
         while under_way:
             result = _result(under_way[0][1], waiting)
-            part = under_way.popleft()[0]
+            part, future = under_way.popleft()
+            # A wait that timed out leaves references to the future in a cycle: workers would keep the answer until that is collected.
+            future.release()
             fill()
             yield part, result
     finally:
