@@ -114,7 +114,7 @@ impl<'a> Build<'a> {
 /// lists. For long ones no fewer than one per 16 items, since Mesa's llvmpipe ends an invocation,
 /// in silence, after 65,535 rounds of all its loops, and a small root takes up to 900.
 fn most_groups(software: bool, things: u32) -> u32 {
-    if software { (things / 16).clamp(64, 65_535) } else { 2048 }
+    if software { (things / 16).clamp(8, 65_535) } else { 2048 }
 }
 
 /// The same over small roots. These differ in how long they take, and a workgroup that has several takes as long as all of
