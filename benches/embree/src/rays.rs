@@ -34,7 +34,7 @@ pub(crate) struct Sets {
     pub paths: [Vec<Ray>; 2],
 }
 
-/// The sets. Paths begin at the camera rays that `chosen` keeps. `interior` says that the camera stands within the scene, `seen` what rays hit, and `face` which
+/// The sets. Paths begin at those camera rays with a hit that `chosen` keeps. `interior` says that the camera stands within the scene, `seen` what rays hit, and `face` which
 /// triangle a hit is on.
 ///
 /// # Errors
@@ -62,8 +62,11 @@ pub(crate) fn sets(
         view.move_inside(lo, size, &seen, &face)?;
     }
     let primary = view.primary(SIDE);
-    let [shadow, bounce] = view.secondary(&face, &primary, &seen(&primary)?);
-    let paths = view.paths(&chosen(&primary), seen, face)?;
+    let hits = seen(&primary)?;
+    let [shadow, bounce] = view.secondary(&face, &primary, &hits);
+    let struck = primary.iter().zip(&hits).filter(|(_, hit)| hit.is_hit());
+    let struck: Vec<Ray> = struck.map(|(ray, _)| *ray).collect();
+    let paths = view.paths(&chosen(&struck), seen, face)?;
     Ok(Sets { harness: [primary, shadow, bounce, view.chords()], paths })
 }
 
@@ -339,7 +342,7 @@ mod tests {
             let y = f64::from(hit.triangle);
             [[0.0, y, 0.0], [1.0, y, 0.0], [0.0, y, 1.0]]
         };
-        let few = |rays: &[Ray]| rays[rays.len() / 2..].iter().take(500).copied().collect();
+        let few = |rays: &[Ray]| rays.iter().take(500).copied().collect();
         let seen = |rays: &[Ray]| Ok(between(rays));
         let [bounces, shadows] = sets(&bounds, false, few, seen, face).unwrap().paths;
         // Each bounce that ends on a surface has a shadow ray from near there, in the same order.
