@@ -5,7 +5,8 @@
 //! One thread, one ray a call for Embree and whole batches for ours, CPU time. In a round everyone answers a set
 //! once, Embree first and last; a round's ratio is the mean of Embree's two times over ours, and the median of the rounds
 //! is printed. So what else the machine does disturbs both alike. `--packets` has Embree answer packets too, `--accuracies` ours at other
-//! accuracies, `--batches` in calls of few rays; sets `paths` and `path-shadows` are a path tracer's rays. `--builds` measures builds in place of rays, and `--frames` a frame. `--table` measures presets without Embree and writes the
+//! accuracies, `--batches` in calls of few rays; sets `paths` and `path-shadows` are a path tracer's rays. `--builds` measures builds in
+//! place of rays, and `--frames` a frame. `--table` measures presets without Embree and writes the
 //! table that preset `auto` decides by, and `--critical-path 64` how builds would scale to 64 threads.
 //!
 //! With `--instances grid:N` both answer rays through N copies of the mesh, and build the tree over them in turns.
