@@ -143,7 +143,7 @@ impl View {
         let (mut shadow, mut bounce) = (Vec::new(), Vec::new());
         for (number, (ray, hit)) in rays.iter().zip(hits).enumerate() {
             if hit.is_hit() {
-                let [towards, off] = self.from_hit(face(hit), ray, hit, (42, number as u64));
+                let [towards, off] = self.off_hit(face(hit), ray, hit, (42, number as u64));
                 shadow.push(towards);
                 bounce.push(off);
             }
@@ -168,7 +168,7 @@ impl View {
             for ((ray, hit), number) in rays.iter().zip(&hits).zip(numbers) {
                 if hit.is_hit() {
                     let random = (42 + depth as u64, number);
-                    let [towards, off] = self.from_hit(face(hit), ray, hit, random);
+                    let [towards, off] = self.off_hit(face(hit), ray, hit, random);
                     if depth > 0 {
                         shadows.push(towards);
                     }
@@ -185,7 +185,7 @@ impl View {
     }
 
     /// From a hit on a face: to the light, and off the surface with these random numbers (seed and stream).
-    fn from_hit(
+    fn off_hit(
         &self,
         [a, b, c]: [Vector; 3],
         ray: &Ray,
