@@ -10,7 +10,10 @@
 # OUT     where results go; out/peers of this repository by default, which git ignores
 # NAMES   scenes to measure, "bunny dragon sponza kitchen bathroom" by default
 # THREADS thread counts, "1,2" by default
-# CLOCK   "cpu" (the default), CPU time of all threads, which other programs disturb least, or "wall"
+# CLOCK   "cpu" (the default), CPU time of all threads, which other programs disturb least, or "wall". The
+#         harness hands it to every program that it starts as PEERS_CLOCK; `splitplane-peer` times itself by it and
+#         says in its answer which clock it was. Who starts `splitplane-peer` by hand sets PEERS_CLOCK=cpu: left out,
+#         it is "wall", and any other word is an error, as is "cpu" on a system other than Unix.
 # REPS    repeats, of which the median counts, 3 by default
 # ONLY    other libraries, by the names or beginnings of names that the harness gives them
 #

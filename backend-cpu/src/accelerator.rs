@@ -22,7 +22,7 @@ use splitplane_core::query::inside::{LocateOptions, Located};
 use splitplane_core::query::intersect::{Limits, SceneScale};
 use splitplane_core::query::overlap::{OverlapOptions, Overlaps, Volume};
 use splitplane_core::query::traverse::Query;
-use splitplane_core::ray::{Hit, QueryOptions, Ray, Rays};
+use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray, Rays};
 use splitplane_core::report::{BuildSummary, QueryReport};
 use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::Triangle;
@@ -42,6 +42,8 @@ use crate::trace::stream::Stream;
 
 /// Rays of one task: what one thread takes at a time.
 const TASK: usize = 4096;
+/// No more rays than this are traced one by one where that is the quicker way: to make lanes ready for many takes as long as some 8 to 16 rays do.
+const ALONE: usize = 12;
 /// Initial number of rays between two calls of the watch.
 const FIRST: usize = 16;
 /// With a watch, a part that takes longer is followed by one of half as many rays, one that takes
@@ -176,6 +178,9 @@ impl CpuAccelerator {
         check(rays.len(), answers.len())?;
         meter.begin_stage(Stage::Rays, rays.len() as u64);
         let (layout, scene) = (&self.layout, &self.scene);
+        // The case that single rays have a way of their own for.
+        let usual =
+            options.accuracy == Accuracy::Watertight && layout.layout() == QueryLayout::Fast;
         // How slow rays are shows only as they are traced.
         let at_first = if meter.is_watched() { FIRST } else { TASK };
         let answer_task = |count: &mut usize, task: usize, answers: &mut [T]| {
@@ -186,9 +191,15 @@ impl CpuAccelerator {
                 let stopwatch = meter.is_watched().then(Stopwatch::start);
                 let rays = rays.part(some.clone());
                 let batch = RayBatch { layout, scene, rays, options, query: T::QUERY };
-                let answers = T::answers(&mut answers[some.clone()]);
-                // SAFETY: as for one ray.
-                unsafe { self.set.run(Stream { batch, answers }) }?;
+                let mut answers = T::answers(&mut answers[some.clone()]);
+                if usual && some.len() <= ALONE {
+                    for index in 0..some.len() {
+                        answers.set(index, self.trace(&rays.ray(index), options, T::QUERY));
+                    }
+                } else {
+                    // SAFETY: as for one ray.
+                    unsafe { self.set.run(Stream { batch, answers }) }?;
+                }
                 match stopwatch.and_then(|stopwatch| stopwatch.elapsed()) {
                     Some(took) if took > TOO_LONG => *count = (*count / 2).max(1),
                     Some(took) if took < TOO_LONG / 2 => *count = (*count * 2).min(TASK),

@@ -552,7 +552,7 @@ fn first_batches_say_so() {
                 new.install(|| built.closest_hits(&rays, &mut hits, &options)).expect("memory");
                 assert!(hits == expected, "{what}");
                 if !was_refused {
-                    assert_eq!(number, 6, "what a thread keeps: {what}");
+                    assert_eq!(number, 7, "what a thread keeps: {what}");
                     break;
                 }
             }

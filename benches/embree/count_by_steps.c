@@ -4,8 +4,8 @@
 //   cc -O2 -o count_by_steps benches/embree/count_by_steps.c
 //   RAYON_NUM_THREADS=1 ./count_by_steps target/release/splitplane-embree --library LIB --count --rays 1024 SCENE.obj
 //
-// The program's requests to callgrind are breakpoints: "are you there" is answered, and between two toggles all threads go
-// step by step, some 200,000 steps a second. Prints what is counted and how many instructions it took.
+// The program's requests to callgrind are breakpoints: "are you there" is answered, and between two toggles the thread that asks
+// goes step by step, some 200,000 steps a second. Prints what is counted and how many instructions it took.
 #define _GNU_SOURCE
 #include <errno.h>
 #include <stdio.h>
@@ -13,7 +13,6 @@
 #include <string.h>
 #include <sys/personality.h>
 #include <sys/ptrace.h>
-#include <sys/syscall.h>
 #include <sys/user.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -27,8 +26,6 @@ enum { EXCHANGE = 16, EXCHANGE_BYTES = 3, MOST = 256 };
 
 static unsigned long sites[MOST];
 static int site_count;
-static pid_t threads[MOST];
-static int thread_count;
 
 static unsigned long word(pid_t thread, unsigned long at) {
     return ptrace(PTRACE_PEEKDATA, thread, at, 0);
@@ -96,16 +93,15 @@ int main(int argc, char **argv) {
     }
     unsigned long count = 0;
     int is_stepping = 0;
-    threads[thread_count++] = process;
+    // The thread that asked. Others may be waiting for work, which is no part of it.
+    pid_t counted = process;
     ptrace(PTRACE_CONT, process, 0, 0);
     for (pid_t thread; (thread = waitpid(-1, &status, __WALL)) > 0;) {
         if (WIFEXITED(status) || WIFSIGNALED(status)) {
             if (thread == process) return WIFEXITED(status) ? WEXITSTATUS(status) : 1;
             continue;
         }
-        int is_known = 0, passed_on = 0, signal = WSTOPSIG(status);
-        for (int i = 0; i < thread_count; i++) is_known |= threads[i] == thread;
-        if (!is_known && thread_count < MOST) threads[thread_count++] = thread;
+        int passed_on = 0, signal = WSTOPSIG(status);
         if (signal == SIGTRAP && !(status >> 16)) {
             struct user_regs_struct registers;
             ptrace(PTRACE_GETREGS, thread, 0, &registers);
@@ -118,9 +114,7 @@ int main(int argc, char **argv) {
                 if (what == ZERO) count = 0;
                 if (what == TOGGLE) {
                     is_stepping = !is_stepping;
-                    // The others stop, and go on step by step.
-                    for (int i = 0; is_stepping && i < thread_count; i++)
-                        if (threads[i] != thread) syscall(SYS_tgkill, process, threads[i], SIGSTOP);
+                    counted = thread;
                 }
                 if (what == DUMP) {
                     unsigned long name[32];
@@ -129,13 +123,13 @@ int main(int argc, char **argv) {
                     fflush(stdout);
                 }
                 ptrace(PTRACE_SETREGS, thread, 0, &registers);
-            } else if (is_stepping) {
+            } else if (is_stepping && thread == counted) {
                 count++;
             }
         } else if (signal != SIGTRAP && signal != SIGSTOP) {
             passed_on = signal;
         }
-        ptrace(is_stepping ? PTRACE_SINGLESTEP : PTRACE_CONT, thread, 0, (long)passed_on);
+        ptrace(is_stepping && thread == counted ? PTRACE_SINGLESTEP : PTRACE_CONT, thread, 0, (long)passed_on);
     }
     return 0;
 }

@@ -3,6 +3,8 @@
 //! Loops without branches over arrays of 32, which compilers turn into vector instructions. The rare
 //! rays that need more (moved origins, extreme exponents) are left to the scalar code.
 
+use core::mem::MaybeUninit;
+
 use splitplane_core::arithmetic::snap;
 use splitplane_core::query::intersect::{
     COORDINATE_MOST, DIRECTION_LEAST, ORIGIN_LEAST, PLANE_SLACK, PreparedRay, SLOPE_LEAST,
@@ -40,6 +42,9 @@ const ROW: usize = 6;
 pub(crate) trait Scales {
     /// A number of a ray's mesh.
     fn number(&self, place: usize, ray: usize) -> f32;
+
+    /// That of the first `N` rays.
+    fn row<const N: usize>(&self, place: usize) -> PerRay<f32, N>;
 
     /// Whether all rays need more care.
     fn is_wide(&self) -> bool;
@@ -93,6 +98,11 @@ impl Scales for SceneScale {
     }
 
     #[cfg_attr(not(unoptimised), inline(always))]
+    fn row<const N: usize>(&self, place: usize) -> PerRay<f32, N> {
+        [self.number(place, 0); N]
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn is_wide(&self) -> bool {
         self.wide
     }
@@ -108,6 +118,13 @@ impl<const N: usize> Scales for [PerRay<f32, N>; RECORD_OF_SCALE] {
     #[cfg_attr(not(unoptimised), inline(always))]
     fn number(&self, place: usize, ray: usize) -> f32 {
         self[place][ray]
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn row<const M: usize>(&self, place: usize) -> PerRay<f32, M> {
+        let mut row = [0.0; M];
+        row.copy_from_slice(&self[place][..M]);
+        row
     }
 
     #[cfg_attr(not(unoptimised), inline(always))]
@@ -263,16 +280,13 @@ impl<const N: usize> PreparedRays<N> {
         let mut shifted = [0u32; N];
         for axis in 0..3 {
             // Rows of this loop's own, those of the scene too: else the compiler takes one ray at a time here, which takes as long as all the rest.
-            let (from, along) = (*origins[axis], *directions[axis]);
-            let [mut near_lo, mut near_hi, mut zero] = [[0.0f32; N]; 3];
+            // No row is cleared before it is filled: that takes a twentieth of what a ray of a packet takes in all.
+            let (mut origin, mut direction) = (*origins[axis], *directions[axis]);
+            let near_lo = scene.row::<N>(NEAR_LO + axis);
+            let near_hi = scene.row::<N>(NEAR_HI + axis);
+            let zero = scene.row::<N>(ORIGIN);
             for i in 0..N {
-                near_lo[i] = scene.number(NEAR_LO + axis, i);
-                near_hi[i] = scene.number(NEAR_HI + axis, i);
-                zero[i] = scene.number(ORIGIN, i);
-            }
-            let [mut origin, mut direction] = [[0.0f32; N]; 2];
-            for i in 0..N {
-                let (o, d) = (from[i], along[i]);
+                let (o, d) = (origin[i], direction[i]);
                 alive[i] &= u32::from(o.abs() <= f32::MAX) & u32::from(d.abs() <= f32::MAX);
                 let o = snap(o);
                 let near = u32::from(near_lo[i] <= o) & u32::from(o <= near_hi[i]);
@@ -450,27 +464,30 @@ impl PreparedRays {
             room[..count * each].copy_from_slice(&numbers[..count * each]);
             &room
         };
-        let mut given = [[0.0f32; CHUNK]; MOST_LANES];
+        // Not cleared: that takes as long as a twentieth of what a ray of a packet takes in all.
+        let mut given = [const { MaybeUninit::<PerRay<f32>>::uninit() }; MOST_LANES];
+        let to = given.as_mut_ptr().cast::<f32>();
         for lane in (0..CHUNK).step_by(S::N) {
-            let to = given.as_flattened_mut()[lane..].as_mut_ptr();
             // SAFETY: the caller's contract; a vector from the last ray's first number on is there, and rows for all
             // columns that a vector takes. Each by a distance that the compiler knows.
             unsafe {
                 match rays {
                     Rays::Records(_) => {
-                        S::transpose(from.as_ptr().add(lane * RECORD), RECORD, to, CHUNK);
+                        S::transpose(from.as_ptr().add(lane * RECORD), RECORD, to.add(lane), CHUNK);
                     }
                     Rays::Rows { .. } => {
-                        S::transpose(from.as_ptr().add(lane * ROW), ROW, to, CHUNK);
+                        S::transpose(from.as_ptr().add(lane * ROW), ROW, to.add(lane), CHUNK);
                     }
                 }
             }
         }
+        const { assert!(S::N >= RECORD && CHUNK.is_multiple_of(S::N)) };
+        // SAFETY: all lanes of as many rows as a vector has lanes were written, at least these.
+        let rows = unsafe { &mut *to.cast::<[PerRay<f32>; RECORD]>() };
         if let Rays::Rows { t_min, t_max, .. } = rays {
-            given.copy_within(3..6, 4);
-            (given[3], given[7]) = ([t_min; CHUNK], [t_max; CHUNK]);
+            rows.copy_within(3..6, 4);
+            (rows[3], rows[7]) = ([t_min; CHUNK], [t_max; CHUNK]);
         }
-        let rows = given.first_chunk().expect("more rows than numbers");
         self.fill_rows(rows, count, scene, first, query);
     }
 }

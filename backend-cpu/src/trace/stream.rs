@@ -32,6 +32,7 @@ use crate::simd::{Compiled, Simd};
 /// Memory of the rays under way, kept between batches.
 struct Flight {
     lanes: Vec<Lane>,
+    exact: Vec<ExactLane>,
     /// Their stacks.
     stacks: Vec<u32>,
     ready: PreparedRays,
@@ -42,10 +43,10 @@ struct Flight {
 impl Flight {
     /// No rays, and no memory yet.
     fn new() -> Flight {
-        let (lanes, stacks) = (Vec::new(), Vec::new());
+        let (lanes, exact, stacks) = (Vec::new(), Vec::new(), Vec::new());
         let (ready, ray_states, packet) =
             (PreparedRays::NONE, [RayState::none(); CHUNK], Packet::new());
-        Flight { lanes, stacks, ready, ray_states, packet }
+        Flight { lanes, exact, stacks, ready, ray_states, packet }
     }
 
     /// Takes this thread's memory, for stacks of so many entries.
@@ -70,19 +71,14 @@ impl Flight {
     /// # Errors
     /// Less memory than that.
     fn make_room(&mut self, room: usize) -> Result<(), TryReserveError> {
-        let Flight { lanes, stacks, packet, .. } = self;
+        let Flight { lanes, exact, stacks, packet, .. } = self;
         if lanes.is_empty() {
-            let (ray_state, best, exact) = (RayState::none(), BestHit::NONE, ExactLane::idle());
+            let (ray_state, best) = (RayState::none(), BestHit::NONE);
+            exact.try_reserve_exact(FLIGHT)?;
+            exact.resize_with(FLIGHT, ExactLane::idle);
             lanes.try_reserve_exact(FLIGHT)?;
             let stack = core::ptr::null_mut();
-            lanes.resize_with(FLIGHT, || Lane {
-                ray_state,
-                child: DONE,
-                top: stack,
-                best,
-                exact,
-                stack,
-            });
+            lanes.resize_with(FLIGHT, || Lane { ray_state, child: DONE, top: stack, best, stack });
         }
         lengthen(stacks, 2 * room * FLIGHT, DONE)?;
         packet.make_room(room)
@@ -149,7 +145,7 @@ unsafe fn fly<S: Simd, L: Leaves>(
     let lines = layout.wide.lines();
     let test = TestContext { leaves, options, query, keep: KeepAll };
     let room = layout.wide.stack();
-    let Flight { lanes, stacks, ready, ray_states, packet, .. } = flight;
+    let Flight { lanes, exact, stacks, ready, ray_states, packet } = flight;
     let exactly = EXACT_IN_TURN && options.accuracy == Accuracy::Exact;
     let bounds = [scene.bounds, layout.large.others];
     let errors = [[0.0; 2]; 2];
@@ -160,7 +156,8 @@ unsafe fn fly<S: Simd, L: Leaves>(
         lane.ray_state.index = RayState::NO_RAY;
         lane.stack = stack.as_mut_ptr();
     }
-    let lanes = Lanes { lanes: lanes[..FLIGHT].as_mut_ptr(), room, lines: lines.as_ptr(), leaves };
+    let (lanes, exact) = (lanes[..FLIGHT].as_mut_ptr(), exact[..FLIGHT].as_mut_ptr());
+    let lanes = Lanes { lanes, exact, room, lines: lines.as_ptr(), leaves };
     let blocks = &mut Blocks { lanes, test, room: L::room(), exactly: exactly.then_some(rays) };
     loop {
         for number in queues.take(Turn::Refill) {
@@ -171,7 +168,8 @@ unsafe fn fly<S: Simd, L: Leaves>(
                 if !exactly {
                     answers.set(index, lane.best.hit);
                 } else {
-                    match lane.exact.hit(query) {
+                    // SAFETY: lanes are below FLIGHT.
+                    match unsafe { lanes.exact(number) }.hit(query) {
                         Ok(hit) => answers.set(index, hit),
                         // SAFETY: the caller's contract.
                         Err(hit) => unsafe {
@@ -192,7 +190,8 @@ unsafe fn fly<S: Simd, L: Leaves>(
                 } else {
                     Reach::with_errors(supply.errors, t_min, t_max)
                 };
-                lane.exact.begin(reach);
+                // SAFETY: lanes are below FLIGHT.
+                unsafe { lanes.exact(number) }.begin(reach);
             }
             (lane.child, lane.top) = (0, lane.stack);
             // SAFETY: stacks have the space.

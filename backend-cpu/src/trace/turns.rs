@@ -27,7 +27,6 @@ pub(super) struct Lane {
     /// Last entry of its stack, or the place before the first.
     pub top: *mut u32,
     pub best: BestHit,
-    pub exact: ExactLane,
     /// Its stack of children, and behind as many entries where the ray enters them.
     pub stack: *mut u32,
 }
@@ -37,6 +36,8 @@ pub(super) struct Lane {
 pub(super) struct Lanes<L> {
     /// [`FLIGHT`] rays.
     pub lanes: *mut Lane,
+    /// As many, where the accuracy is `exact`: apart, so that rays of other accuracies lie closer together in the cache.
+    pub exact: *mut ExactLane,
     /// Entries of a stack.
     pub room: usize,
     pub lines: *const CacheLine,
@@ -53,6 +54,17 @@ impl<L: Leaves> Lanes<L> {
         debug_assert!(lane < FLIGHT);
         // SAFETY: the caller's contract.
         unsafe { &mut *self.lanes.add(lane) }
+    }
+
+    /// A ray as the exact test takes it.
+    ///
+    /// # Safety
+    /// As for [`Lanes::lane`].
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(super) unsafe fn exact<'a>(self, lane: usize) -> &'a mut ExactLane {
+        debug_assert!(lane < FLIGHT);
+        // SAFETY: the caller's contract.
+        unsafe { &mut *self.exact.add(lane) }
     }
 
     /// A ray's stack from an entry on.
@@ -123,10 +135,10 @@ impl<L: Leaves, const WATERTIGHT: bool> Compiled for AtBlocks<'_, '_, L, WATERTI
             // SAFETY: the caller's contract; lanes are below FLIGHT; children name nodes or leaves; wide rays get no lane; stacks
             // have the space; entries that were written; the accuracy is what it says.
             unsafe {
-                let Lane { ray_state, best, child, exact, top, stack } = lanes.lane(number);
+                let Lane { ray_state, best, child, top, stack } = lanes.lane(number);
                 assert_unchecked((test.options.accuracy == Accuracy::Watertight) == WATERTIGHT);
                 let exactly = if WATERTIGHT || !EXACT_IN_TURN { None } else { exactly.as_ref() };
-                let (room, exact) = (&mut *room, exactly.map(|rays| (exact, rays)));
+                let (room, exact) = (&mut *room, exactly.map(|rays| (lanes.exact(number), rays)));
                 let tested = &mut RayTest { test, room, ray_state, best, exact };
                 if TestLeaf(*child, tested).run::<S>() {
                     if test.query == Query::Any {

@@ -5,7 +5,8 @@
 //! One thread, one ray a call for Embree and whole batches for ours, CPU time. In a round everyone answers a set
 //! once, Embree first and last; a round's ratio is the mean of Embree's two times over ours, and the median of the rounds
 //! is printed. So what else the machine does disturbs both alike. `--packets` has Embree answer packets too, `--accuracies` ours at other
-//! accuracies; `--builds` measures builds in place of rays, and `--frames` a frame. `--table` measures presets without Embree and writes the
+//! accuracies, `--batches` in calls of few rays; sets `paths` and `path-shadows` are a path tracer's rays. `--builds` measures builds in
+//! place of rays, and `--frames` a frame. `--table` measures presets without Embree and writes the
 //! table that preset `auto` decides by, and `--critical-path 64` how builds would scale to 64 threads.
 //!
 //! With `--instances grid:N` both answer rays through N copies of the mesh, and build the tree over them in turns.
@@ -57,7 +58,7 @@ struct Options {
     /// Rounds, of which the median counts
     #[arg(long, default_value_t = 7)]
     rounds: usize,
-    /// Sets of rays, separated by commas
+    /// Sets of rays, separated by commas; `paths` and `path-shadows`, not asked for by default, are those of a path tracer
     #[arg(long, value_delimiter = ',', default_value = "primary,shadow,bounce,chords", value_parser = rays::SETS)]
     sets: Vec<String>,
     /// Presets, separated by commas
@@ -75,7 +76,10 @@ struct Options {
     /// Embree with packets of 16 rays too, of 8 where it is held to AVX2: formed before the clock runs
     #[arg(long)]
     packets: bool,
-    /// Builds in place of rays, without callgrind: ours for the first time, again, and over the one before
+    /// Ours one ray a call beside whole sets, and in calls of so many rays, separated by commas
+    #[arg(long, value_name = "RAYS", value_delimiter = ',', value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..), conflicts_with_all = ["single", "instances"])]
+    batches: Vec<usize>,
+    /// Builds in place of rays, without callgrind: ours for the first time, again, over the one before, and over that with all lists kept; AVX2 beside AVX-512
     #[arg(long, conflicts_with = "count")]
     builds: bool,
     /// A frame of 1024x1024 in place of rays, by preset fast
@@ -169,7 +173,11 @@ fn measure(path: &Path, options: &Options, pool: &rayon::ThreadPool) -> Result<(
         return critical_path::measure(&scene.name, &mesh, (set, threads), options, pool);
     }
     let places = options.instances.map(|count| instances::grid(&scene.bounds(), count));
-    let sets = rays_through(&mesh, &scene.bounds(), places.as_deref(), interior)?;
+    // A path has up to four bounces.
+    let paths = options.sets.iter().any(|set| set.starts_with("path"));
+    let paths = if paths { options.rays / 4 } else { 0 };
+    let rays::Sets { harness: sets, paths } =
+        rays_through(&mesh, &scene.bounds(), places.as_deref(), (interior, paths))?;
     if options.table {
         // As given, with the size of a scene that is built in.
         let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -239,16 +247,25 @@ fn measure(path: &Path, options: &Options, pool: &rayon::ThreadPool) -> Result<(
                 1 => name.clone(),
                 _ => format!("{} {}", name, accuracy.name()),
             };
+            if !options.batches.is_empty() {
+                contestants.push(one_by_one(format!("{name} single"), tree.clone(), accuracy));
+            }
+            for &most in &options.batches {
+                let name = format!("{name} by {most}");
+                contestants.push(ours(name, tree.clone(), (accuracy, most), pool));
+            }
             contestants.push(if options.single {
                 one_by_one(name, tree.clone(), accuracy)
             } else {
-                ours(name, tree.clone(), accuracy, pool)
+                ours(name, tree.clone(), (accuracy, usize::MAX), pool)
             });
         }
     }
-    for (name, rays) in rays::SETS.into_iter().zip(&sets) {
+    for (name, rays) in rays::SETS.into_iter().zip(sets.iter().chain(&paths)) {
         if options.sets.iter().any(|asked| asked == name) {
-            let rays = some(rays, options.rays);
+            // Paths are as many as asked for: to leave some out would tear waves apart.
+            let rays =
+                if name.starts_with("path") { rays.clone() } else { some(rays, options.rays) };
             if options.count {
                 turns::count(&scene.name, name, &rays, &contestants);
                 continue;
@@ -275,13 +292,14 @@ where
     }
 }
 
-/// The sets of rays through the mesh, or through its copies.
+/// The sets of rays through the mesh, or through its copies, with so many paths.
 fn rays_through(
     mesh: &Mesh<'_>,
     bounds: &Aabb,
     places: Option<&[Transform]>,
-    interior: bool,
-) -> Result<[Vec<Ray>; 4], Problem> {
+    (interior, paths): (bool, usize),
+) -> Result<rays::Sets, Problem> {
+    let chosen = |camera: &[Ray]| if paths == 0 { Vec::new() } else { some(camera, paths) };
     let (backend, options) = (CpuBackend::new(), BuildOptions::from(Preset::Fast.config()));
     let triangle =
         |hit: &SceneHit| mesh.triangle(hit.triangle as usize).map(|corner| corner.map(f64::from));
@@ -293,7 +311,7 @@ fn rays_through(
             let of = |hit| SceneHit::of(hit, GeometryId(0), InstanceId(0));
             Ok(hits.iter().map(of).collect())
         };
-        return Ok(rays::sets(bounds, interior, seen, triangle)?);
+        return Ok(rays::sets(bounds, interior, chosen, seen, triangle)?);
     };
     let tree = backend.build_scene(&instances::scene(mesh, places)?, &options)?;
     let seen = |rays: &[Ray]| {
@@ -304,7 +322,7 @@ fn rays_through(
         let place = &places[hit.instance as usize];
         triangle(hit).map(|corner| instances::in_world(place, corner))
     };
-    Ok(rays::sets(&instances::bounds(bounds, places), false, seen, face)?)
+    Ok(rays::sets(&instances::bounds(bounds, places), false, chosen, seen, face)?)
 }
 
 /// Prints what it takes to place all instances and to build the tree over them, for both in turns.
@@ -339,24 +357,31 @@ fn place_in_turns(
     Ok(())
 }
 
-/// A tree of ours.
+/// A tree of ours that gets at most so many rays a call.
 fn ours(
     name: String,
     tree: Arc<splitplane_cpu::CpuAccelerator>,
-    accuracy: Accuracy,
+    (accuracy, most): (Accuracy, usize),
     pool: &rayon::ThreadPool,
 ) -> Contestant<'_> {
     let (same, options) = (tree.clone(), QueryOptions { accuracy, ..QueryOptions::default() });
     let closest = move |rays: &[Ray], found: &mut Answers| {
         let mut hits = vec![Hit::MISS; rays.len()];
-        pool.install(|| tree.closest_hits(rays, &mut hits, &options))
-            .expect("as many hits as rays");
+        pool.install(|| {
+            for (rays, hits) in rays.chunks(most).zip(hits.chunks_mut(most)) {
+                tree.closest_hits(rays, hits, &options).expect("as many hits as rays");
+            }
+        });
         for (found, hit) in found.iter_mut().zip(&hits) {
             *found = (hit.t, hit.triangle);
         }
     };
     let any = move |rays: &[Ray], found: &mut [bool]| {
-        pool.install(|| same.any_hits(rays, found, &options)).expect("as many answers as rays");
+        pool.install(|| {
+            for (rays, found) in rays.chunks(most).zip(found.chunks_mut(most)) {
+                same.any_hits(rays, found, &options).expect("as many answers as rays");
+            }
+        });
     };
     let ready = Box::new(|_: &[Ray]| ());
     Contestant { name, ready, closest: Box::new(closest), any: Box::new(any) }

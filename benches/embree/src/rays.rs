@@ -1,4 +1,4 @@
-//! The four sets of rays, by the rules of the harness that `scripts/measure_peers.sh` starts: in `f64` by
+//! Sets of rays: four by the rules of the harness that `scripts/measure_peers.sh` starts, and the rays of a path tracer. In `f64` by
 //! + - * / and roots, rounded once.
 
 use splitplane_core::aabb::Aabb;
@@ -6,7 +6,11 @@ use splitplane_core::error::QueryError;
 use splitplane_core::ray::Ray;
 use splitplane_core::scene::SceneHit;
 
-pub(crate) const SETS: [&str; 4] = ["primary", "shadow", "bounce", "chords"];
+/// Those of the harness, then those of a path tracer.
+pub(crate) const SETS: [&str; 6] =
+    ["primary", "shadow", "bounce", "chords", "paths", "path-shadows"];
+/// Bounces of a path at most.
+const DEPTH: usize = 4;
 /// Pixels on a side, and the root of the number of chords.
 const SIDE: usize = 1024;
 const FAR: f32 = 1e30;
@@ -22,7 +26,15 @@ struct View {
     diagonal: f64,
 }
 
-/// The sets, in the order of [`SETS`]. `interior` says that the camera stands within the scene, `seen` what rays hit, and `face` which
+/// Rays of one scene.
+pub(crate) struct Sets {
+    /// The harness's, in the order of [`SETS`].
+    pub harness: [Vec<Ray>; 4],
+    /// A path tracer's bounces, and the shadow rays of where they end.
+    pub paths: [Vec<Ray>; 2],
+}
+
+/// The sets. Paths begin at those camera rays with a hit that `chosen` keeps. `interior` says that the camera stands within the scene, `seen` what rays hit, and `face` which
 /// triangle a hit is on.
 ///
 /// # Errors
@@ -30,9 +42,10 @@ struct View {
 pub(crate) fn sets(
     bounds: &Aabb,
     interior: bool,
+    chosen: impl Fn(&[Ray]) -> Vec<Ray>,
     seen: impl Fn(&[Ray]) -> Result<Vec<SceneHit>, QueryError>,
     face: impl Fn(&SceneHit) -> [Vector; 3],
-) -> Result<[Vec<Ray>; 4], QueryError> {
+) -> Result<Sets, QueryError> {
     let (lo, hi) = (wide(bounds.lo), wide(bounds.hi));
     let (centre, size) = (scaled(add(lo, hi), 0.5), sub(hi, lo));
     let diagonal = dot(size, size).sqrt();
@@ -49,8 +62,12 @@ pub(crate) fn sets(
         view.move_inside(lo, size, &seen, &face)?;
     }
     let primary = view.primary(SIDE);
-    let [shadow, bounce] = view.secondary(face, &primary, &seen(&primary)?);
-    Ok([primary, shadow, bounce, view.chords()])
+    let hits = seen(&primary)?;
+    let [shadow, bounce] = view.secondary(&face, &primary, &hits);
+    let struck = primary.iter().zip(&hits).filter(|(_, hit)| hit.is_hit());
+    let struck: Vec<Ray> = struck.map(|(ray, _)| *ray).collect();
+    let paths = view.paths(&chosen(&struck), seen, face)?;
+    Ok(Sets { harness: [primary, shadow, bounce, view.chords()], paths })
 }
 
 impl View {
@@ -125,33 +142,79 @@ impl View {
     ) -> [Vec<Ray>; 2] {
         let (mut shadow, mut bounce) = (Vec::new(), Vec::new());
         for (number, (ray, hit)) in rays.iter().zip(hits).enumerate() {
-            if !hit.is_hit() {
-                continue;
+            if hit.is_hit() {
+                let [towards, off] = self.off_hit(face(hit), ray, hit, (42, number as u64));
+                shadow.push(towards);
+                bounce.push(off);
             }
-            let [a, b, c] = face(hit);
-            let mut normal = unit(cross(sub(b, a), sub(c, a)));
-            let along = wide(ray.direction);
-            if dot(normal, along) > 0.0 {
-                normal = scaled(normal, -1.0);
-            }
-            let point = add(wide(ray.origin), scaled(along, f64::from(hit.t)));
-            let start = add(point, scaled(normal, 1e-4 * self.diagonal)).map(|x| x as f32);
-            let to_light = sub(self.light, wide(start));
-            let distance = dot(to_light, to_light).sqrt();
-            let towards = narrow(wide(start), scaled(to_light, 1.0 / distance));
-            shadow.push(towards.with_limits(0.0, (distance * 0.9999) as f32));
-            let (x, y) = Random::new(42, number as u64).in_disk();
-            let z = (1.0 - x * x - y * y).max(1e-6).sqrt();
-            let leans = |axis: &usize| normal[*axis].abs();
-            let least = (0..3).min_by(|i, j| leans(i).total_cmp(&leans(j))).unwrap_or(0);
-            let mut axis = [0.0; 3];
-            axis[least] = 1.0;
-            let tangent = unit(cross(normal, axis));
-            let other = cross(normal, tangent);
-            let off = add(scaled(normal, z), add(scaled(tangent, x), scaled(other, y)));
-            bounce.push(narrow(wide(start), unit(off)).with_limits(0.0, FAR));
         }
         [shadow, bounce]
+    }
+
+    /// The rays of a path tracer that works in waves: the first bounces of all paths, then all second ones, and so on, paths in the order of their
+    /// camera rays. Who leaves the scene ends. Surfaces are diffuse; from wherever a bounce ends a shadow ray goes to the light, in the same order.
+    fn paths(
+        &self,
+        camera: &[Ray],
+        seen: impl Fn(&[Ray]) -> Result<Vec<SceneHit>, QueryError>,
+        face: impl Fn(&SceneHit) -> [Vector; 3],
+    ) -> Result<[Vec<Ray>; 2], QueryError> {
+        let (mut bounces, mut shadows) = (Vec::new(), Vec::new());
+        let mut numbers: Vec<u64> = (0..).take(camera.len()).collect();
+        let mut rays = camera.to_vec();
+        for depth in 0..=DEPTH {
+            let hits = seen(&rays)?;
+            let (mut next, mut alive) = (Vec::new(), Vec::new());
+            for ((ray, hit), number) in rays.iter().zip(&hits).zip(numbers) {
+                if hit.is_hit() {
+                    let random = (42 + depth as u64, number);
+                    let [towards, off] = self.off_hit(face(hit), ray, hit, random);
+                    if depth > 0 {
+                        shadows.push(towards);
+                    }
+                    next.push(off);
+                    alive.push(number);
+                }
+            }
+            if depth < DEPTH {
+                bounces.extend_from_slice(&next);
+            }
+            (rays, numbers) = (next, alive);
+        }
+        Ok([bounces, shadows])
+    }
+
+    /// From a hit on a face: to the light, and off the surface with these random numbers (seed and stream).
+    fn off_hit(
+        &self,
+        [a, b, c]: [Vector; 3],
+        ray: &Ray,
+        hit: &SceneHit,
+        (seed, stream): (u64, u64),
+    ) -> [Ray; 2] {
+        let mut normal = unit(cross(sub(b, a), sub(c, a)));
+        let along = wide(ray.direction);
+        if dot(normal, along) > 0.0 {
+            normal = scaled(normal, -1.0);
+        }
+        let point = add(wide(ray.origin), scaled(along, f64::from(hit.t)));
+        let start = add(point, scaled(normal, 1e-4 * self.diagonal)).map(|x| x as f32);
+        let to_light = sub(self.light, wide(start));
+        let distance = dot(to_light, to_light).sqrt();
+        let towards = narrow(wide(start), scaled(to_light, 1.0 / distance));
+        let (x, y) = Random::new(seed, stream).in_disk();
+        let z = (1.0 - x * x - y * y).max(1e-6).sqrt();
+        let leans = |axis: &usize| normal[*axis].abs();
+        let least = (0..3).min_by(|i, j| leans(i).total_cmp(&leans(j))).unwrap_or(0);
+        let mut axis = [0.0; 3];
+        axis[least] = 1.0;
+        let tangent = unit(cross(normal, axis));
+        let other = cross(normal, tangent);
+        let off = add(scaled(normal, z), add(scaled(tangent, x), scaled(other, y)));
+        [
+            towards.with_limits(0.0, (distance * 0.9999) as f32),
+            narrow(wide(start), unit(off)).with_limits(0.0, FAR),
+        ]
     }
 
     /// Between two points of the sphere about the scene.
@@ -254,5 +317,47 @@ mod tests {
         let mut random = Random::new(42, 54);
         let drawn: [u32; 4] = std::array::from_fn(|_| random.next());
         assert_eq!(drawn, [0xa15c_02b7, 0x7b47_f409, 0xba1d_3330, 0x83d2_f293]);
+    }
+
+    /// A floor and a ceiling, wide enough that most paths stay between them for a while.
+    fn between(rays: &[Ray]) -> Vec<SceneHit> {
+        let of = |ray: &Ray| {
+            let (y, dy) = (ray.origin[1], ray.direction[1]);
+            let t = if dy > 0.0 { (1.0 - y) / dy } else { -y / dy };
+            let side = u32::from(dy > 0.0);
+            let wide = (0..3).all(|i| (ray.origin[i] + t * ray.direction[i]).abs() < 50.0);
+            let mut hit = SceneHit::MISS;
+            if dy != 0.0 && t > 0.0 && wide {
+                (hit.t, hit.triangle, hit.instance) = (t, side, 0);
+            }
+            hit
+        };
+        rays.iter().map(of).collect()
+    }
+
+    #[test]
+    fn paths_follow_their_own_hits() {
+        let bounds = Aabb { lo: [-50.0, 0.0, -50.0], hi: [50.0, 1.0, 50.0] };
+        let face = |hit: &SceneHit| {
+            let y = f64::from(hit.triangle);
+            [[0.0, y, 0.0], [1.0, y, 0.0], [0.0, y, 1.0]]
+        };
+        let few = |rays: &[Ray]| rays.iter().take(500).copied().collect();
+        let seen = |rays: &[Ray]| Ok(between(rays));
+        let [bounces, shadows] = sets(&bounds, false, few, seen, face).unwrap().paths;
+        // Each bounce that ends on a surface has a shadow ray from near there, in the same order.
+        let hits = between(&bounces);
+        let ends = bounces.iter().zip(&hits).filter(|(_, hit)| hit.is_hit());
+        let ends: Vec<_> = ends.collect();
+        assert_eq!(ends.len(), shadows.len());
+        assert!(bounces.len() > 1000 && shadows.len() > 800, "{}", bounces.len());
+        for ((ray, hit), shadow) in ends.into_iter().zip(&shadows) {
+            let end: [f32; 3] = std::array::from_fn(|i| ray.origin[i] + hit.t * ray.direction[i]);
+            assert!((0..3).all(|i| (end[i] - shadow.origin[i]).abs() < 0.02));
+        }
+        // A later bounce starts where a shadow ray does, and leaves the surface that it starts on.
+        assert!(bounces.iter().all(|ray| (ray.origin[1] < 0.5) == (ray.direction[1] > 0.0)));
+        let later = bounces.iter().filter(|ray| shadows.iter().any(|to| to.origin == ray.origin));
+        assert!(later.count() > 500);
     }
 }

@@ -47,7 +47,7 @@ pub(crate) fn measure(
         .iter()
         .zip(trees)
         .filter_map(|(preset, tree)| {
-            Some(ours(preset.name().to_owned(), tree?, Accuracy::Watertight, pool))
+            Some(ours(preset.name().to_owned(), tree?, (Accuracy::Watertight, usize::MAX), pool))
         })
         .collect();
     let mut rays = vec![Vec::new(); presets.len()];
