@@ -28,8 +28,9 @@ pub(crate) const MOST: usize = 64;
 /// blocks no longer share. From 0.6 to 0.75 rays are as fast, but for more bytes.
 const MORE_BLOCKS: f32 = 0.6;
 /// A leaf of one block without flat triangles is looked at only if the boxes of its triangles have less than so many times the
-/// surface of the box of all: a patch of a surface has about twice as much, and nothing to gain.
-const DENSE: f32 = 2.0;
+/// surface of the box of all. A patch of a surface has about twice as much as its own box: two parts of that kind cost less than
+/// [`MORE_BLOCKS`] only below 0.86.
+const DENSE: f32 = 1.0;
 
 /// A box as the least of x, y and z and of their negatives, so that a box around two is the lesser of each number.
 type Extremes = [f32; 8];
@@ -67,8 +68,6 @@ struct Group {
 enum Division {
     /// By which side of the middle of the group's box along an axis the middle of a triangle's box lies.
     Middle(usize),
-    /// Those in a plane across an axis apart.
-    Plane(usize, f32),
     /// Those with half the surface of the largest, or more, apart.
     Large(f32),
 }
@@ -134,7 +133,7 @@ impl LeafGroups {
         let boxes = &self.boxes[start..end];
         let mut best = f32::INFINITY;
         let mut found = None;
-        for division in divisions(&all, boxes) {
+        for division in divisions(boxes) {
             let parts = parts(&all, boxes, division);
             let (cost, limit) = self.compare(&parts, &all);
             if cost < limit * whole && cost < best {
@@ -257,27 +256,16 @@ impl Division {
             Division::Middle(axis) => {
                 own[axis] - own[axis + 4] < all.bounds[axis] - all.bounds[axis + 4]
             }
-            Division::Plane(axis, at) => own[axis] == at && own[axis + 4] == -at,
             Division::Large(limit) => area(own) >= limit,
         }
     }
 }
 
 /// What is tried with a group.
-fn divisions(all: &Group, boxes: &[Extremes]) -> impl Iterator<Item = Division> + use<> {
-    let (mut largest, mut flat, mut plane) = (0.0, 0.0, None);
-    for own in boxes {
-        let (size, axes) = (area(own), flat_axes(own));
-        largest = if size > largest { size } else { largest };
-        if axes != 0 && size > flat {
-            let axis = axes.trailing_zeros() as usize;
-            (flat, plane) = (size, Some(Division::Plane(axis, own[axis])));
-        }
-    }
-    // In a flat group all are in one plane.
-    let plane = plane.filter(|_| flat_axes(&all.bounds) == 0);
-    let middles = [0, 1, 2].map(Division::Middle);
-    plane.into_iter().chain(middles).chain([Division::Large(0.5 * largest)])
+fn divisions(boxes: &[Extremes]) -> [Division; 4] {
+    let largest = boxes.iter().map(area).fold(0.0, |a, b| if b > a { b } else { a });
+    let large = Division::Large(0.5 * largest);
+    [large, Division::Middle(0), Division::Middle(1), Division::Middle(2)]
 }
 
 /// The two groups that a division makes.
