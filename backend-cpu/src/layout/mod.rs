@@ -16,6 +16,7 @@ pub(crate) mod cells;
 pub(crate) mod gathered_block;
 pub(crate) mod indexed;
 pub(crate) mod large;
+pub(crate) mod leaf_groups;
 pub(crate) mod limits;
 pub(crate) mod order;
 pub(crate) mod pack;

@@ -124,6 +124,11 @@ impl Planner {
         Planner { lanes, scale: f32::from_bits((254 - exponent) << 23) }
     }
 
+    /// A power of two that brings extents near one.
+    pub(crate) fn scale(&self) -> f32 {
+        self.scale
+    }
+
     /// Half the surface area, in whatever unit.
     fn area(&self, bounds: &Aabb) -> f32 {
         let [x, y, z] = [0, 1, 2].map(|axis| bounds.half_extent(axis) * self.scale);

@@ -11,6 +11,7 @@ use super::{LayoutSource, PackTask};
 use crate::cancel::ProgressMeter;
 use crate::layout::cells::{halves, within};
 use crate::layout::large::Large;
+use crate::layout::leaf_groups::LeafGroups;
 use crate::layout::pack::Packer;
 use crate::layout::packed_block::UNIT_WORDS;
 use crate::layout::plan::{Branch, Branches, PlaceCosts, Planner};
@@ -38,6 +39,9 @@ impl LayoutPlanning<'_> {
     ) {
         let nodes = &self.tree.nodes[task.first as usize..task.end as usize];
         let mut packer = Packer::new(self.set.lanes(), self.source.triangles);
+        // Large triangles have blocks of their own already, and are in the others for nothing.
+        let divided = LeafGroups::are_worth_their_time(&self.tree.config) && self.large.is_empty();
+        let mut groups = divided.then(|| LeafGroups::new(self.set.lanes(), self.planner.scale()));
         part.begin();
         // The references of the leaves follow each other.
         let last = match nodes.last().map(KdNode::kind) {
@@ -58,7 +62,8 @@ impl LayoutPlanning<'_> {
                         return;
                     }
                     if count > 0 {
-                        let leaf = self.leaf([first, count, last], &cell, &mut packer, part);
+                        let with = (&mut packer, groups.as_mut());
+                        let leaf = self.leaf([first, count, last], &cell, with, part);
                         let Some(leaf) = leaf else { return };
                         *branch = leaf;
                         self.meter.advance(u64::from(count));
@@ -82,7 +87,7 @@ impl LayoutPlanning<'_> {
         &self,
         [first, count, last]: [u32; 3],
         cell: &Aabb,
-        packer: &mut Packer<'_>,
+        (packer, groups): (&mut Packer<'_>, Option<&mut LeafGroups>),
         part: &mut PackedWords,
     ) -> Option<Branch> {
         let references = &self.tree.references[first as usize..];
@@ -91,7 +96,16 @@ impl LayoutPlanning<'_> {
         let compact = self.source.layout == QueryLayout::Compact;
         let (mut bounds, blocks) = match compact {
             true => (Aabb::EMPTY, 1),
-            false => self.pack(references, [count as usize, to_come], packer, part)?,
+            false => {
+                let (own, counts) = (&references[..count as usize], [count as usize, to_come]);
+                let divided = groups.and_then(|groups| {
+                    groups.several(own, self.source.triangles, cell).then_some(groups)
+                });
+                match divided {
+                    None => self.pack(references, counts, packer, part)?,
+                    Some(groups) => self.pack_groups(groups, counts, packer, part)?,
+                }
+            }
         };
         if compact || !self.large.is_empty() {
             let corners = |&triangle: &u32| (triangle, self.source.triangles[triangle as usize]);
@@ -101,6 +115,23 @@ impl LayoutPlanning<'_> {
         // No ray goes to a leaf without bounds.
         let within = if bounds.is_empty() { bounds } else { within(cell, &bounds) };
         Some(Branch::leaf(within, unit, blocks))
+    }
+
+    /// Packs the triangles of a leaf in groups. Otherwise as [`LayoutPlanning::pack`].
+    fn pack_groups(
+        &self,
+        groups: &LeafGroups,
+        [count, to_come]: [usize; 2],
+        packer: &mut Packer<'_>,
+        part: &mut PackedWords,
+    ) -> Option<(Aabb, u32)> {
+        let (mut bounds, mut blocks, mut left) = (Aabb::EMPTY, 0, count);
+        for group in groups.groups() {
+            left -= group.len();
+            let packed = self.pack(group, [group.len(), left + to_come], packer, part)?;
+            (bounds, blocks) = (bounds.union(&packed.0), blocks + packed.1);
+        }
+        Some((bounds, blocks))
     }
 
     /// Packs some triangles, the first of these references, with space for more to come. Returns
