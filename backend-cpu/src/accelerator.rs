@@ -43,8 +43,7 @@ use crate::trace::stream::Stream;
 /// Rays of one task: what one thread takes at a time.
 const TASK: usize = 4096;
 /// No more rays than this are traced one by one where that is the quicker way: to make lanes ready for many takes as long as some 8 to 16 rays do.
-/// Not in a browser, where all code is loaded before the first ray.
-const ALONE: usize = if cfg!(target_arch = "wasm32") { 0 } else { 12 };
+const ALONE: usize = 12;
 /// Initial number of rays between two calls of the watch.
 const FIRST: usize = 16;
 /// With a watch, a part that takes longer is followed by one of half as many rays, one that takes
