@@ -22,6 +22,8 @@ use splitplane_core::triangle::Triangle;
 
 use super::cells::part;
 
+/// Not in a browser, which loads all code before the first ray: this is one part in a hundred of it.
+pub(crate) const DIVIDED: bool = !cfg!(target_family = "wasm");
 /// Leaves of more triangles are divided in the order of their references.
 pub(crate) const MOST: usize = 64;
 /// More blocks must cost less than this part of what fewer do: each takes a place in a wide node, a header, and corners that
@@ -75,7 +77,7 @@ enum Division {
 impl LeafGroups {
     /// Whether leaves of such a tree are divided.
     pub(crate) fn are_worth_their_time(config: &BuildConfig) -> bool {
-        matches!(config.builder, Builder::Sweep(_))
+        DIVIDED && matches!(config.builder, Builder::Sweep(_))
     }
 
     /// No groups yet, for blocks of `lanes`. `scale` is a power of two that brings extents near one.

@@ -11,7 +11,7 @@ use super::{LayoutSource, PackTask};
 use crate::cancel::ProgressMeter;
 use crate::layout::cells::{halves, within};
 use crate::layout::large::Large;
-use crate::layout::leaf_groups::LeafGroups;
+use crate::layout::leaf_groups::{DIVIDED, LeafGroups};
 use crate::layout::pack::Packer;
 use crate::layout::packed_block::UNIT_WORDS;
 use crate::layout::plan::{Branch, Branches, PlaceCosts, Planner};
@@ -98,7 +98,7 @@ impl LayoutPlanning<'_> {
             true => (Aabb::EMPTY, 1),
             false => {
                 let (own, counts) = (&references[..count as usize], [count as usize, to_come]);
-                let divided = groups.and_then(|groups| {
+                let divided = groups.filter(|_| DIVIDED).and_then(|groups| {
                     groups.several(own, self.source.triangles, cell).then_some(groups)
                 });
                 match divided {
