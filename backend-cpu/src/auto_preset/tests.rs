@@ -285,10 +285,14 @@ fn scenes_that_were_left_out_lose_little() {
             {
                 wrong.push(format!("{} {rays}: {lost:?}, expected {expected:?}", set.name()));
             }
-            for preset in Preset::ALL {
+            for (preset, sum) in Preset::ALL.into_iter().zip(&mut by_name) {
                 let named = leave_one_out(set, rays, |_, _, _| preset);
                 show(preset.name(), &named);
-                by_name[preset as usize] += named.mean;
+                *sum += named.mean;
+                // For so many rays the trees of `best` pay nearly everywhere; no other preset is as good a choice by name.
+                if rays == 100_000_000 && preset != Preset::Best && lost.mean >= named.mean {
+                    wrong.push(format!("{} {rays}: {} is better", set.name(), preset.name()));
+                }
             }
         }
         // Which preset is best depends on the number of rays, so over all three choosing loses less than any one preset.

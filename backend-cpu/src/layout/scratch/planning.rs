@@ -98,6 +98,7 @@ impl LayoutPlanning<'_> {
             true => (Aabb::EMPTY, 1),
             false => {
                 let (own, counts) = (&references[..count as usize], [count as usize, to_come]);
+                // Asked here too, so that the compiler can leave the division out of a browser's part.
                 let divided = groups.filter(|_| DIVIDED).and_then(|groups| {
                     groups.several(own, self.source.triangles, cell).then_some(groups)
                 });
