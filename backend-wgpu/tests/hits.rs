@@ -735,7 +735,12 @@ fn planted_faults_are_seen() {
         ),
         ("nothing is robust", "if is_robust(edges, area) && diff", "if false && diff"),
         ("all is robust", "if is_robust(edges, area) && diff", "if true && diff"),
-        ("zeros are inside", "return SIDE_OPEN;", "return select(-1, 1, above);"),
+        ("zeros are inside", "return SIDE_OPEN;", "return select(-1, 1, highest >= EDGE_LEAST);"),
+        (
+            "another than the last is skipped",
+            "last_tested = triangle + 1u;",
+            "last_tested = triangle + 2u;",
+        ),
         ("thin images have weights", "THIN: f32 = 0x1p-21f", "THIN: f32 = 0x1p-80f"),
         ("far origins stay", "if plane.moves {", "if false {"),
         ("no wide test", "wide = wide_sheared(ray, triangle);", "wide.seen = sheared(ray, index);"),

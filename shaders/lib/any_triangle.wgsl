@@ -174,8 +174,8 @@ fn test_closely(ray: PreparedRay, index: u32, culling: u32) -> Candidate {
         wide.seen = sheared(ray, index);
     }
     var seen = wide.seen;
-    var edges = edge_functions(seen);
-    var side = side_met(seen, edges);
+    var edges = rounded_edges(edge_functions(seen));
+    var side = side_met(edges);
     if side == SIDE_OPEN {
         side = side_by_exact_signs(seen);
     }
@@ -192,7 +192,7 @@ fn test_closely(ray: PreparedRay, index: u32, culling: u32) -> Candidate {
         // is held to the limits later.
         power = min(min(wide.powers.x, wide.powers.y), wide.powers.z) + WIDE_POWER;
         seen = at_one_scale(wide, power);
-        edges = edge_functions(seen);
+        edges = rounded_edges(edge_functions(seen));
         origin = scale3(origin, power);
         held = Triangle(
             scale3(triangle.a, power),

@@ -21,6 +21,6 @@ fn first_node(root: u32) -> u32 {
     return root;
 }
 
-fn skips_best() -> bool {
+fn skips_repeats() -> bool {
     return false;
 }

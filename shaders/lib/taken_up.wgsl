@@ -25,6 +25,6 @@ fn leaves_aside(best: u32) -> bool {
     return false;
 }
 
-fn skips_best() -> bool {
+fn skips_repeats() -> bool {
     return false;
 }

@@ -79,8 +79,8 @@ fn run(options: &Options) -> Result<bool, Failure> {
     drop(backend);
     for scene in &options.scenes() {
         for &preset in &options.preset {
-            eprintln!("{scene}, {}", preset.name());
-            report.begin(preset, options.compressed);
+            eprintln!("{scene}, {}", options.label(preset));
+            report.begin(options.label(preset));
             if let Err(error) =
                 measure_scene(scene, preset, &costs, options, &predictor, &mut report)
             {
@@ -118,7 +118,7 @@ fn measure_scene(
     scene.materials.iter_mut().for_each(|material| material.emission = [0.0; 3]);
     let mesh = scene.mesh()?;
     let (backend, _) = open(options)?;
-    let build = BuildOptions::from(preset.config());
+    let build = BuildOptions::from(options.config(preset));
     let built = build::measure(&backend, &mesh, &build, options)?;
     let floor = if options.check { None } else { Some(floor::moved(&mesh, preset, &built.times)?) };
     let asked = name;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Parser;
-use splitplane::Preset;
+use splitplane::{BuildConfig, Preset};
 
 /// Measures splitplane's builds and queries on a GPU beside the CPU's, and compares every bit.
 ///
@@ -20,6 +20,12 @@ pub(crate) struct Options {
     /// Presets to build by, one after the other, separated by commas
     #[arg(long, value_name = "fast|narrow|balanced", value_delimiter = ',', default_value = "fast", value_parser = preset)]
     pub preset: Vec<Preset>,
+    /// Another block width W than the presets'
+    #[arg(long, value_name = "W", requires = "no_predict")]
+    block_width: Option<u32>,
+    /// Another intersection cost K_I than the presets'
+    #[arg(long, value_name = "K_I", requires = "no_predict")]
+    intersection_cost: Option<u32>,
     /// Trace batches of watertight rays through compressed nodes
     #[arg(long)]
     pub compressed: bool,
@@ -74,6 +80,25 @@ impl Options {
             ([], true) => vec!["builtin:city:20000".into()],
             (given, _) => given.to_vec(),
         }
+    }
+
+    /// A preset with the knobs that were asked for.
+    pub(crate) fn config(&self, preset: Preset) -> BuildConfig {
+        let own = preset.config();
+        BuildConfig {
+            block_width: self.block_width.unwrap_or(own.block_width),
+            intersection_cost: self.intersection_cost.unwrap_or(own.intersection_cost),
+            ..own
+        }
+    }
+
+    /// Its name, with these knobs and how rays go.
+    pub(crate) fn label(&self, preset: Preset) -> String {
+        let mut label = preset.name().to_owned();
+        for (knob, value) in [("W", self.block_width), ("K_I", self.intersection_cost)] {
+            label.extend(value.map(|value| format!(", {knob} {value}")));
+        }
+        label + if self.compressed { ", compressed" } else { "" }
     }
 
     /// Width and height of the picture whose rays are `primary`, 16 to 9.

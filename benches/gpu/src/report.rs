@@ -57,9 +57,9 @@ impl Report {
         })
     }
 
-    /// What follows is by this preset.
-    pub(crate) fn begin(&mut self, preset: Preset, compressed: bool) {
-        self.preset = preset.name().to_owned() + if compressed { ", compressed" } else { "" };
+    /// What follows is by the preset of this name.
+    pub(crate) fn begin(&mut self, preset: String) {
+        self.preset = preset;
     }
 
     /// A line of raw figures: to the file and to standard output.
