@@ -45,12 +45,10 @@ impl OutlineCells {
             hi: none.map(|row| row.map(|x| -x)),
             held: [Aabb::EMPTY; CELLS],
         };
-        let mut place = 0;
-        for bounds in cells(tree) {
+        for (place, bounds) in cells(tree).enumerate() {
             for axis in 0..3 {
                 (own.lo[axis][place], own.hi[axis][place]) = (bounds.lo[axis], bounds.hi[axis]);
             }
-            place += 1;
         }
         own
     }
