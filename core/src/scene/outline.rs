@@ -8,6 +8,8 @@ use crate::tree::node::NodeKind;
 
 /// Cells of an outline.
 const CELLS: usize = 8;
+/// Whether boxes are what triangles leave of cells. In browsers they are the cells: what a page loads is limited, and no hit depends on them.
+const OF_TRIANGLES: bool = !cfg!(target_family = "wasm");
 
 /// A few boxes that hold all triangles of a geometry: what of them is in cells of its tree that are not empty, the greatest divided first. By axis, their
 /// middles and half their extents; where there are fewer, some stand there again.
@@ -49,6 +51,9 @@ impl OutlineCells {
             for axis in 0..3 {
                 (own.lo[axis][place], own.hi[axis][place]) = (bounds.lo[axis], bounds.hi[axis]);
             }
+            if !OF_TRIANGLES {
+                own.held[place] = bounds;
+            }
         }
         own
     }
@@ -56,6 +61,9 @@ impl OutlineCells {
     /// Takes a triangle of the tree, by its box.
     #[inline]
     pub(crate) fn add(&mut self, bounds: &Aabb) {
+        if !OF_TRIANGLES {
+            return;
+        }
         // By vectors; hardly ever more than one cell.
         let mut meets = [u32::MAX; CELLS];
         for axis in 0..3 {
