@@ -38,6 +38,7 @@ pub use hit::{GeometryId, InstanceId, MAX_INSTANCES, MAX_OPACITY_LEVEL, SceneHit
 pub use opacity::OpacityMask;
 pub use options::{Filter, IgnoredTriangle, SceneOptions, SceneReport};
 pub use outline::Outline;
+pub(crate) use outline::OutlineCells;
 pub use placement::{LEAST_OF_RAY, LEAST_OF_WAY, Placement};
 pub use shape_tree::ShapeTree;
 pub use top_build::top_tree_bytes;

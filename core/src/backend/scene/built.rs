@@ -14,7 +14,7 @@ use crate::query::intersect::{Limits, SceneScale};
 use crate::scene::ShapeTree;
 use crate::scene::{
     Defect, Edits, GeometryId, GeometryMesh, Instance, InstanceId, ObjectSpace, OpacityMask,
-    Outline, Placement, SceneDigest, TopTree,
+    Outline, OutlineCells, Placement, SceneDigest, TopTree,
 };
 use crate::tree::digest::Digest;
 use crate::triangle::{Prepared, prepare};
@@ -39,17 +39,18 @@ pub struct BuiltGeometry {
 
 impl BuiltGeometry {
     pub(super) fn new(mesh: Arc<GeometryMesh>, accelerator: Box<dyn Accelerator>) -> BuiltGeometry {
-        let mut limits = Limits::NONE;
+        let tree = accelerator.tree();
+        let (mut limits, mut cells) = (Limits::NONE, OutlineCells::of(&tree.view()));
         let arrays = mesh.mesh();
         for triangle in 0..arrays.len() {
             let Prepared { corners, kept, .. } = prepare(&arrays.triangle(triangle));
             if kept {
                 limits = limits.union(Limits::of(&corners));
+                cells.add(&Aabb::of_points(&corners));
             }
         }
-        let tree = accelerator.tree();
         let (scale, digest) = (SceneScale::new(tree.bounds, &limits), tree.digest());
-        let (bounds, outline) = (tree.bounds, Outline::of(&tree.view()));
+        let (bounds, outline) = (tree.bounds, cells.outline());
         let (shapes, opacity) = (None, None);
         BuiltGeometry { mesh, accelerator, shapes, opacity, scale, digest, bounds, outline }
     }
