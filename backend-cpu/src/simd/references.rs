@@ -171,7 +171,12 @@ pub(crate) trait ReferenceOps {
     /// [`TILE`] references. Returns how many there are; the entries after them are undefined.
     #[cfg_attr(not(unoptimised), inline(always))]
     fn crossing(lo: &[f32], hi: &[f32], plane: f32, out: &mut TilePlaces) -> usize {
-        crossing_by_one([lo, hi], 0..lo.len().min(hi.len()), plane, out, 0)
+        let mut crossing = 0;
+        for (i, (&lo, &hi)) in lo.iter().zip(hi).enumerate() {
+            out[crossing] = i as u32;
+            crossing += usize::from((lo < plane) & (plane < hi));
+        }
+        crossing
     }
 
     /// Divides a tile of references by a plane, whose crossing references have been cut: the left ones
@@ -208,22 +213,6 @@ pub(crate) trait ReferenceOps {
         }
         [lefts, rights]
     }
-}
-
-/// [`ReferenceOps::crossing`] for some references, one after the other, behind `crossing` places that are listed.
-#[cfg_attr(not(unoptimised), inline(always))]
-pub(super) fn crossing_by_one(
-    [lo, hi]: [&[f32]; 2],
-    which: core::ops::Range<usize>,
-    plane: f32,
-    out: &mut TilePlaces,
-    mut crossing: usize,
-) -> usize {
-    for i in which {
-        out[crossing] = i as u32;
-        crossing += usize::from((lo[i] < plane) & (plane < hi[i]));
-    }
-    crossing
 }
 
 #[cfg(all(test, target_arch = "x86_64"))]

@@ -116,7 +116,9 @@ pub(crate) fn build(
     meter.finish_stage();
     *memory = shared.total();
     let held = scratch.bytes();
-    if lists == Lists::GiveBack && held > MUCH {
+    // In a browser there is nobody to give them back to.
+    let system = cfg!(not(target_arch = "wasm32"));
+    if system && lists == Lists::GiveBack && held > MUCH {
         scratch.give_back_lists();
         memory.held -= held - scratch.bytes();
     } else {

@@ -8,9 +8,7 @@ use core::arch::x86_64::*;
 
 use super::{Avx2, lanes_at};
 use crate::simd::columns::Columns;
-use crate::simd::references::{
-    AxisFaces, CutParts, PlaneList, ReferenceOps, TILE, TilePlaces, crossing_by_one,
-};
+use crate::simd::references::{AxisFaces, CutParts, PlaneList, ReferenceOps, TILE, TilePlaces};
 use crate::simd::{Simd, WIDTH};
 
 /// Lanes of a vector.
@@ -149,7 +147,11 @@ impl ReferenceOps for Avx2 {
                 place = _mm256_add_epi32(place, _mm256_set1_epi32(LANES as i32));
             }
         }
-        crossing_by_one([lo, hi], whole..count, plane, out, crossing)
+        for i in whole..count {
+            out[crossing] = i as u32;
+            crossing += usize::from((lo[i] < plane) & (plane < hi[i]));
+        }
+        crossing
     }
 
     #[cfg_attr(not(unoptimised), inline(always))]
