@@ -24,7 +24,7 @@ set -euo pipefail
 : "${PEERS:?set PEERS to the checkout of the comparison harness}"
 : "${SCENES:?set SCENES to the folder of the scenes}"
 names=${NAMES:-bunny dragon sponza kitchen bathroom}
-only=${ONLY:-embree4,embree4-x16,embree4-high,embree4-robust,obvhs-bvh2-medium,obvhs-cwbvh-medium,tinybvh-rs-bvh8,parry3d,bvh,kdtree-ray}
+only=${ONLY:-embree4,embree4-avx2,embree4-x16,embree4-x8-avx2,embree4-high,embree4-robust,obvhs-bvh2-medium,obvhs-cwbvh-medium,tinybvh-rs-bvh8,parry3d,bvh,kdtree-ray}
 scenes=$(realpath -m "$SCENES")
 peers=$(realpath -m "$PEERS")/target/release/peers
 root=$(realpath "$(dirname "${BASH_SOURCE[0]}")/..")

@@ -16,7 +16,7 @@ use splitplane_core::triangle::{Prepared, Triangle, prepare};
 use splitplane_core::watch::Stage;
 
 use crate::accelerator::CpuAccelerator;
-use crate::build::{self, BuildScratch, Finished};
+use crate::build::{self, BuildScratch, Finished, Lists};
 use crate::cancel::{ProgressMeter, UNWATCHED};
 use crate::layout::scratch::{LayoutScratch, LayoutSource};
 use crate::memory::{Memory, boxed, extend};
@@ -79,15 +79,6 @@ impl BuiltNodes<'_> {
             BuiltNodes::Own(tree) => Ok(tree),
         }
     }
-}
-
-/// What becomes of a builder's lists when the tree is finished.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Lists {
-    /// They stay for the next build, which then makes none.
-    Keep,
-    /// They are freed before the layout is made.
-    GiveBack,
 }
 
 impl Default for CpuBackend {
@@ -242,7 +233,7 @@ impl CpuBackend {
     ) -> Result<T, BuildError> {
         let beside = old + layout.bytes();
         let Finished { nodes, references, stages, mut memory } =
-            build::build(kept, mesh, options, self.set, meter, beside)?;
+            build::build(kept, mesh, options, self.set, meter, (lists, beside))?;
         if lists == Lists::GiveBack {
             kept.give_back(&mut memory);
         }

@@ -28,6 +28,15 @@ pub(crate) const MOST_NODES: u32 = 1 << 28;
 /// Bytes that are worth giving back. To make less anew takes small meshes as long as their trees.
 const MUCH: u64 = 1 << 20;
 
+/// What becomes of a builder's lists when the tree is finished.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Lists {
+    /// They stay for the next build, which then makes none.
+    Keep,
+    /// They are freed before the layout is made.
+    GiveBack,
+}
+
 /// Memory of all builders, kept between builds.
 #[derive(Debug, Default)]
 pub(crate) struct BuildScratch {
@@ -82,7 +91,8 @@ pub(crate) struct Finished {
     pub memory: Memory,
 }
 
-/// Builds the tree of a mesh by the builder of its preset, while others hold `beside` bytes. `set` must be one that the
+/// Builds the tree of a mesh by the builder of its preset, while others hold `beside` bytes. Lists that are given back are so
+/// by the caller, but `best` gives back what it can before the tree is put together. `set` must be one that the
 /// processor has.
 ///
 /// # Errors
@@ -94,7 +104,7 @@ pub(crate) fn build(
     options: &BuildOptions<'_>,
     set: InstructionSet,
     meter: &ProgressMeter<'_>,
-    beside: u64,
+    (lists, beside): (Lists, u64),
 ) -> Result<Finished, BuildError> {
     let BuildOptions { config, max_memory, .. } = *options;
     if let Some(knobs) = config.sweep() {
@@ -106,7 +116,7 @@ pub(crate) fn build(
         scratch.buffers = twin.finish();
         let BuildScratch { buffers, sweep, .. } = scratch;
         let (nodes, references) =
-            sweep::build((&config, knobs), set, (buffers, sweep), &mut memory, meter)?;
+            sweep::build((&config, knobs), set, (buffers, sweep, lists), &mut memory, meter)?;
         return Ok(Finished { nodes, references, stages, memory });
     }
     let preset = config.preset();

@@ -89,6 +89,7 @@ impl LeafGroups {
 
     /// Puts a leaf's triangles into groups, and says whether there are several. Otherwise they stay together, in the order of
     /// references.
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) fn several(
         &mut self,
         references: &[u32],
@@ -165,6 +166,7 @@ impl LeafGroups {
     }
 
     /// What two groups cost, and of which part of the cost of the whole they must cost less.
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn compare(&self, parts: &[Group; 2], all: &Group) -> (f32, f32) {
         let [one, other] = parts;
         if one.count == 0 || other.count == 0 {
@@ -243,6 +245,7 @@ impl Group {
     }
 
     /// What its blocks cost.
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn cost(&self, lanes: usize) -> f32 {
         // A ray that starts on a flat block leaves it at once.
         let starts = if flat_axes(&self.bounds) == 0 { 0.5 * self.surface } else { 0.0 };

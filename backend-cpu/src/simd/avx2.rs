@@ -5,9 +5,11 @@
 use core::arch::x86_64::*;
 use core::mem::MaybeUninit;
 
-use super::f32x16::ArrayF32x16;
-use super::references::ReferenceOps;
+mod f32x16;
+mod references;
+
 use super::{Compiled, Direction, F32x4, LeastKeys, Simd, key_of};
+use f32x16::Avx2F32x16;
 
 /// [`Simd`] by AVX2.
 #[derive(Clone, Copy)]
@@ -53,12 +55,10 @@ const fn lanes_of_pairs() -> [[u8; 8]; 256] {
     table
 }
 
-impl ReferenceOps for Avx2 {}
-
 // SAFETY of all blocks: the trait's contract, the set and readable or writable memory.
 impl Simd for Avx2 {
     const N: usize = 8;
-    type F32x16 = ArrayF32x16;
+    type F32x16 = Avx2F32x16;
     type Eight = Avx2;
     type Floats = __m256;
     type Places = __m256i;

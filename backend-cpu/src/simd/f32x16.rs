@@ -1,4 +1,4 @@
-//! Sixteen floats at a time: two references, or what two columns of eight need. By AVX-512, and by loops
+//! Sixteen floats at a time: two references, or what two columns of eight need. By AVX-512, by AVX2, and by loops
 //! that a compiler turns into what vector instructions it may use.
 
 use super::WIDTH;

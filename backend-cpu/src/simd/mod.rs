@@ -9,11 +9,11 @@
 //! Two more vocabularies belong to a set, since builders need what lanes of changing number cannot say:
 //! [`Simd::F32x16`], sixteen floats on any set, and the loops over references of [`references::ReferenceOps`].
 //!
-//! Each set is in a file of its own: `avx512/`, `avx2.rs`, `neon.rs`, `simd128.rs`, `portable.rs`. Intrinsics are
+//! Each set is in a file of its own: `avx512/`, `avx2.rs` (and `avx2/`), `neon.rs`, `simd128.rs`, `portable.rs`. Intrinsics are
 //! used nowhere else, except for [`F32x4`], which is SSE2.
 
 #[cfg(target_arch = "x86_64")]
-mod avx2;
+pub(crate) mod avx2;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod avx512;
 pub(crate) mod columns;

@@ -10,12 +10,14 @@ use splitplane_cpu::{CpuBackend, InstructionSet};
 
 use crate::Problem;
 use crate::embree::Embree;
-use crate::turns::{cpu_time, median};
+use crate::turns::{Took, median, took};
 
 /// What is built, and with whom.
 pub(crate) struct Task<'a> {
     pub library: &'a Path,
     pub isa: Option<&'a str>,
+    /// Of Embree, and of the pool.
+    pub threads: usize,
     pub set: InstructionSet,
     pub pool: &'a rayon::ThreadPool,
     pub mesh: Mesh<'a>,
@@ -27,37 +29,38 @@ pub(crate) struct Task<'a> {
 impl Task<'_> {
     /// Prints Embree's median time, and for a preset the medians of four builds and of their times over Embree's of the same
     /// round: the first of a builder, the next one, one in the memory of an accelerator, which makes the lists that builds give back, and
-    /// one more there, which finds these lists. Then bytes; and where ours has AVX-512, what the first and the last of these take by AVX2 over
-    /// that, in turns too.
+    /// one more there, which finds these lists; on several threads the time that passed, too. Then bytes; and where ours has AVX-512, what
+    /// the first and the last of these take by AVX2 over that, in turns too.
     ///
     /// # Errors
     /// Where someone does not build.
     pub(crate) fn measure(&self, preset: Preset) -> Result<(), Problem> {
         let options = BuildOptions::from(preset.config());
-        let mut seconds: [Vec<f64>; 5] = Default::default();
+        let mut rounds: [Vec<Took>; 5] = Default::default();
         let mut narrower: [Vec<f64>; 2] = Default::default();
         let mut bytes = (0, 0);
         for _ in 0..self.rounds.max(1) {
             let before = self.embree()?;
             let ours;
             (ours, bytes) = self.ours(self.set, &options)?;
-            let embree = 0.5 * (before + self.embree()?);
-            for (all, one) in seconds.iter_mut().zip([embree].into_iter().chain(ours)) {
+            let after = self.embree()?;
+            let mean = |of: fn(&Took) -> f64| 0.5 * (of(&before) + of(&after));
+            let embree = Took { cpu: mean(|took| took.cpu), wall: mean(|took| took.wall) };
+            for (all, one) in rounds.iter_mut().zip([embree].into_iter().chain(ours)) {
                 all.push(one);
             }
             if self.set == InstructionSet::Avx512 {
                 let (by_avx2, _) = self.ours(InstructionSet::Avx2, &options)?;
                 for (all, number) in narrower.iter_mut().zip([0, 3]) {
-                    all.push(by_avx2[number] / ours[number]);
+                    all.push(by_avx2[number].cpu / ours[number].cpu);
                 }
             }
         }
-        let [embree, others @ ..] = &seconds;
         print!("  build {:<9}", preset.name());
-        print!("  Embree {:.1} ms", 1e3 * median(embree.iter().copied()));
-        for (name, ours) in ["first", "next", "rebuild", "kept"].into_iter().zip(others) {
-            let ratio = median(ours.iter().zip(embree).map(|(ours, embree)| ours / embree));
-            print!("  {name} {:.1} ms, {ratio:.2}", 1e3 * median(ours.iter().copied()));
+        print_times(&rounds, |took| took.cpu);
+        if self.threads > 1 {
+            print!("  time that passed:");
+            print_times(&rounds, |took| took.wall);
         }
         let (peak, held) = bytes;
         let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
@@ -75,36 +78,41 @@ impl Task<'_> {
         Ok(())
     }
 
-    /// Seconds of the four builds of ours, then the peak of accounted memory and the bytes of the finished structure.
+    /// What the four builds of ours took, then the peak of accounted memory and the bytes of the finished structure.
     fn ours(
         &self,
         set: InstructionSet,
         options: &BuildOptions<'_>,
-    ) -> Result<([f64; 4], (u64, u64)), Problem> {
+    ) -> Result<([Took; 4], (u64, u64)), Problem> {
         let backend = CpuBackend::with_instruction_set(set);
         let build = || self.pool.install(|| backend.build(&self.mesh, options));
-        let (first, mut built) = timed(build)?;
-        let tree = built.tree();
-        let held = size_of_val(&tree.nodes[..]) + size_of_val(&tree.references[..]);
-        let bytes = (built.summary().peak_bytes, held as u64 + built.query_bytes());
+        let (first, built) = took(build);
+        let mut built = built?;
+        let bytes = (built.summary().peak_bytes, crate::bytes_of(&*built));
         // Dropped within neither time: memory is returned before it is made anew.
         drop(built);
-        let (next, again) = timed(build)?;
-        built = again;
+        let (next, again) = took(build);
+        built = again?;
         let mut rebuild = || self.pool.install(|| backend.rebuild(&mut built, &self.mesh, options));
-        let (over, ()) = timed(&mut rebuild)?;
-        let (kept, ()) = timed(&mut rebuild)?;
+        let (over, done) = took(&mut rebuild);
+        done?;
+        let (kept, done) = took(&mut rebuild);
+        done?;
         Ok(([first, next, over, kept], bytes))
     }
 
-    /// Seconds that Embree takes from its own vertices to a scene that is ready.
-    fn embree(&self) -> Result<f64, Problem> {
-        Ok(Embree::build(self.library, self.isa, self.positions, self.indices)?.build_seconds)
+    /// What Embree takes from its own vertices to a scene that is ready.
+    fn embree(&self) -> Result<Took, Problem> {
+        let how = (self.isa, self.threads);
+        Ok(Embree::build(self.library, how, self.positions, self.indices)?.build)
     }
 }
 
-fn timed<T, E>(work: impl FnOnce() -> Result<T, E>) -> Result<(f64, T), E> {
-    let before = cpu_time();
-    let done = work()?;
-    Ok(((cpu_time() - before).as_secs_f64(), done))
+/// Medians: Embree's, then of each of ours, and of its time over Embree's of the same round.
+fn print_times([embree, others @ ..]: &[Vec<Took>; 5], of: fn(&Took) -> f64) {
+    print!("  Embree {:.1} ms", 1e3 * median(embree.iter().map(of)));
+    for (name, ours) in ["first", "next", "rebuild", "kept"].into_iter().zip(others) {
+        let ratio = median(ours.iter().zip(embree).map(|(ours, embree)| of(ours) / of(embree)));
+        print!("  {name} {:.1} ms, {ratio:.2}", 1e3 * median(ours.iter().map(of)));
+    }
 }

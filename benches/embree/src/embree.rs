@@ -9,7 +9,7 @@ use libloading::Library;
 use splitplane_core::ray::Ray;
 use splitplane_core::scene::Transform;
 
-use crate::turns::cpu_time;
+use crate::turns::{Took, took};
 pub(crate) use packets::{Of, Packets};
 
 mod packets;
@@ -70,8 +70,8 @@ pub(crate) struct Embree {
     device: Handle,
     calls: Calls,
     pub version: String,
-    /// CPU time of the build: from its own vertices and indices to a scene that is ready.
-    pub build_seconds: f64,
+    /// The build: from its own vertices and indices to a scene that is ready.
+    pub build: Took,
 }
 
 /// Embree's functions.
@@ -110,13 +110,13 @@ const NONE: u32 = u32::MAX;
 const FEATURES: u32 = u32::MAX;
 
 impl Embree {
-    /// Builds with one thread. `isa` holds Embree to an instruction set, such as `avx2`.
+    /// Builds with so many threads. `isa` holds Embree to an instruction set, such as `avx2`.
     ///
     /// # Errors
     /// Where there is no such library, or it refuses.
     pub(crate) fn build(
         library: &Path,
-        isa: Option<&str>,
+        (isa, threads): (Option<&str>, usize),
         vertices: &[[f32; 3]],
         triangles: &[[u32; 3]],
     ) -> Result<Embree, String> {
@@ -161,7 +161,7 @@ impl Embree {
                 release_device: function!(b"rtcReleaseDevice\0": Release),
             };
             let isa_is = isa.map_or(String::new(), |isa| format!(",isa={isa}"));
-            let config = CString::new(format!("threads=1,user_threads=0{isa_is}"))
+            let config = CString::new(format!("threads={threads},user_threads=0{isa_is}"))
                 .map_err(|error| error.to_string())?;
             let device = new_device(config.as_ptr());
             if device.is_null() {
@@ -182,18 +182,18 @@ impl Embree {
             }
             to.cast::<[f32; 3]>().copy_from_nonoverlapping(vertices.as_ptr(), vertices.len());
             named.cast::<[u32; 3]>().copy_from_nonoverlapping(triangles.as_ptr(), triangles.len());
-            let before = cpu_time();
-            (calls.commit_geometry)(geometry);
-            (calls.attach)(scene, geometry);
-            (calls.release_geometry)(geometry);
-            (calls.commit_scene)(scene);
-            let build_seconds = (cpu_time() - before).as_secs_f64();
+            let (build, ()) = took(|| {
+                (calls.commit_geometry)(geometry);
+                (calls.attach)(scene, geometry);
+                (calls.release_geometry)(geometry);
+                (calls.commit_scene)(scene);
+            });
             match (calls.error)(device) {
                 0 => {}
                 code => return Err(format!("Embree's error {code}")),
             }
             let version = format!("{}.{}.{}", version / 10000, version / 100 % 100, version % 100);
-            Ok(Embree { scene, mesh: scene, device, calls, version, build_seconds })
+            Ok(Embree { scene, mesh: scene, device, calls, version, build })
         }
     }
 

@@ -81,14 +81,14 @@ pub(crate) fn measure(
     let (mut traced, mut ratios) = (Vec::new(), Vec::new());
     let mut stats = pool.install(|| renderer.render(&*tree, &input))?;
     for _ in 0..options.rounds.max(1) {
-        let other = Embree::build(&options.library, isa, &positions, &indices)?;
+        let other = Embree::build(&options.library, (isa, 1), &positions, &indices)?;
         let (closest, any) = (
             timed(|| other.closest(&camera, &mut found)).0,
             timed(|| other.any(&shadow, &mut hit)).0,
         );
         let rays = stats.paths as f64 * (closest / camera.len() as f64)
             + stats.shadow_rays as f64 * (any / shadow.len().max(1) as f64);
-        for (all, one) in embree.iter_mut().zip([other.build_seconds, closest, any]) {
+        for (all, one) in embree.iter_mut().zip([other.build.cpu, closest, any]) {
             all.push(one);
         }
         let (build, built) = timed(|| pool.install(|| backend.rebuild(&mut tree, &mesh, &asked)));
@@ -102,7 +102,7 @@ pub(crate) fn measure(
         }
         ours[0].push(build);
         ours[1].push(frame);
-        ratios.push((build + frame) / (other.build_seconds + rays));
+        ratios.push((build + frame) / (other.build.cpu + rays));
     }
     let ms = |times: &[f64]| 1e3 * median(times.iter().copied());
     println!(

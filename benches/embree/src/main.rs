@@ -37,7 +37,7 @@ use std::sync::Arc;
 use clap::Parser;
 use embree::{Embree, Of, Packets};
 use splitplane_core::aabb::Aabb;
-use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions, QueryLayout};
 use splitplane_core::config::Preset;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
@@ -73,6 +73,9 @@ struct Options {
     /// Accuracies of ours, separated by commas
     #[arg(long, value_delimiter = ',', default_value = "watertight")]
     accuracies: Vec<Accuracy>,
+    /// Layouts of ours, separated by commas
+    #[arg(long, value_delimiter = ',', default_value = "fast", value_parser = layout)]
+    layouts: Vec<QueryLayout>,
     /// Embree with packets of 16 rays too, of 8 where it is held to AVX2: formed before the clock runs
     #[arg(long)]
     packets: bool,
@@ -82,6 +85,9 @@ struct Options {
     /// Builds in place of rays, without callgrind: ours for the first time, again, over the one before, and over that with all lists kept; AVX2 beside AVX-512
     #[arg(long, conflicts_with = "count")]
     builds: bool,
+    /// Of builds: threads of both; on several, the time that passes is measured beside CPU time
+    #[arg(long, default_value_t = 1, requires = "builds", value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=64))]
+    threads: usize,
     /// A frame of 1024x1024 in place of rays, by preset fast
     #[arg(long, conflicts_with = "builds")]
     frames: bool,
@@ -128,8 +134,9 @@ const ROOMS: [&str; 8] =
 
 fn main() -> ExitCode {
     let options = Options::parse();
-    // This thread alone: callgrind counts what the thread does that asks it to.
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build();
+    // This thread alone, but for builds on several: callgrind counts what the thread does that asks it to.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads);
+    let pool = pool.use_current_thread().build();
     let pool = match pool {
         Ok(pool) => pool,
         Err(problem) => {
@@ -172,6 +179,35 @@ fn measure(path: &Path, options: &Options, pool: &rayon::ThreadPool) -> Result<(
     if let Some(threads) = options.critical_path {
         return critical_path::measure(&scene.name, &mesh, (set, threads), options, pool);
     }
+    let print_head = |version: &str, places: Option<&[Transform]>| {
+        println!(
+            "{}: {} triangles{}, {}, Embree {version}{}",
+            scene.name,
+            mesh.len(),
+            places.map_or(String::new(), |places| format!(", {} instances", places.len())),
+            set.name(),
+            isa.map_or(String::new(), |isa| format!(" with isa={isa}"))
+        );
+    };
+    if options.builds {
+        // No other of its devices may hold it to fewer threads meanwhile.
+        let how = (isa, options.threads);
+        let other = Embree::build(&options.library, how, &scene.positions, &scene.indices)?;
+        print_head(&other.version, None);
+        drop(other);
+        let task = builds::Task {
+            library: &options.library,
+            isa,
+            threads: options.threads,
+            set,
+            pool,
+            mesh,
+            positions: &scene.positions,
+            indices: &scene.indices,
+            rounds: options.rounds,
+        };
+        return options.presets.iter().try_for_each(|preset| task.measure(*preset));
+    }
     let places = options.instances.map(|count| instances::grid(&scene.bounds(), count));
     // A path has up to four bounces.
     let paths = options.sets.iter().any(|set| set.starts_with("path"));
@@ -183,30 +219,14 @@ fn measure(path: &Path, options: &Options, pool: &rayon::ThreadPool) -> Result<(
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         return table::measure(&name, &mesh, &sets, set, options, pool);
     }
-    let mut embree = Embree::build(&options.library, isa, &scene.positions, &scene.indices)?;
-    println!(
-        "{}: {} triangles{}, {}, Embree {}{}",
-        scene.name,
-        mesh.len(),
-        places.as_ref().map_or(String::new(), |places| format!(", {} instances", places.len())),
-        set.name(),
-        embree.version,
-        isa.map_or(String::new(), |isa| format!(" with isa={isa}"))
-    );
-    if options.builds {
-        let task = builds::Task {
-            library: &options.library,
-            isa,
-            set,
-            pool,
-            mesh,
-            positions: &scene.positions,
-            indices: &scene.indices,
-            rounds: options.rounds,
-        };
-        return options.presets.iter().try_for_each(|preset| task.measure(*preset));
-    }
+    let mut embree = Embree::build(&options.library, (isa, 1), &scene.positions, &scene.indices)?;
+    print_head(&embree.version, places.as_deref());
     let backend = CpuBackend::with_instruction_set(set);
+    if places.is_none() {
+        // Its copies of vertices and indices included, as ours includes corners.
+        let bytes = embree::bytes_held() as f64;
+        println!("  Embree: {:.1} bytes a triangle", bytes / mesh.len() as f64);
+    }
     if let Some(places) = &places {
         let of_mesh = embree::bytes_held();
         place_in_turns(&mut embree, &backend, &mesh, places, (options, pool))?;
@@ -241,12 +261,20 @@ fn measure(path: &Path, options: &Options, pool: &rayon::ThreadPool) -> Result<(
             contestants.push(contestant);
             continue;
         }
-        let tree = Arc::new(pool.install(|| backend.build_accelerator(&mesh, &build))?);
-        for &accuracy in &options.accuracies {
-            let name = match options.accuracies.len() {
-                1 => name.clone(),
-                _ => format!("{} {}", name, accuracy.name()),
-            };
+        for (layout, accuracy) in variants(options) {
+            let build = BuildOptions { layout, ..build };
+            let tree = Arc::new(pool.install(|| backend.build_accelerator(&mesh, &build))?);
+            let mut name = name.clone();
+            if options.layouts.len() > 1 {
+                name = format!("{name} {}", layout.name());
+            }
+            if options.accuracies.len() > 1 {
+                name = format!("{name} {}", accuracy.name());
+            }
+            println!(
+                "  {name}: {:.1} bytes a triangle",
+                bytes_of(&*tree) as f64 / mesh.len() as f64
+            );
             if !options.batches.is_empty() {
                 contestants.push(one_by_one(format!("{name} single"), tree.clone(), accuracy));
             }
@@ -275,6 +303,25 @@ fn measure(path: &Path, options: &Options, pool: &rayon::ThreadPool) -> Result<(
         }
     }
     Ok(())
+}
+
+/// A layout by its name.
+fn layout(name: &str) -> Result<QueryLayout, String> {
+    let found = QueryLayout::ALL.into_iter().find(|layout| layout.name() == name);
+    found.ok_or_else(|| format!("there is no layout {name}: fast or compact"))
+}
+
+/// Each layout with each accuracy.
+fn variants(options: &Options) -> impl Iterator<Item = (QueryLayout, Accuracy)> {
+    let with = |&layout| options.accuracies.iter().map(move |&accuracy| (layout, accuracy));
+    options.layouts.iter().flat_map(with)
+}
+
+/// Bytes of a finished structure.
+fn bytes_of(accelerator: &dyn Accelerator) -> u64 {
+    let tree = accelerator.tree();
+    let held = size_of_val(&tree.nodes[..]) + size_of_val(&tree.references[..]);
+    held as u64 + accelerator.query_bytes()
 }
 
 /// Embree with packets of `N` rays.

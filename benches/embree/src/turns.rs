@@ -1,6 +1,6 @@
 //! Turns: everyone answers the same rays, again and again.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use splitplane_core::ray::Ray;
 
@@ -124,6 +124,23 @@ pub(crate) fn median(numbers: impl Iterator<Item = f64>) -> f64 {
     sorted.sort_by(f64::total_cmp);
     let middle = sorted.len() / 2;
     if sorted.len() % 2 == 1 { sorted[middle] } else { 0.5 * (sorted[middle - 1] + sorted[middle]) }
+}
+
+/// What something took, in seconds.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Took {
+    /// CPU time of all threads.
+    pub cpu: f64,
+    /// Time that passed.
+    pub wall: f64,
+}
+
+/// Measures some work.
+pub(crate) fn took<T>(work: impl FnOnce() -> T) -> (Took, T) {
+    let (start, before) = (Instant::now(), cpu_time());
+    let done = work();
+    let cpu = (cpu_time() - before).as_secs_f64();
+    (Took { cpu, wall: start.elapsed().as_secs_f64() }, done)
 }
 
 /// CPU time of this process. Under Valgrind always 0: there nothing is timed, and the system's quick way to the clock cannot be taken.

@@ -194,10 +194,8 @@ impl Cut {
 mod tests {
     use super::*;
     use crate::simd::InstructionSet;
-    use crate::simd::avx512::Avx512;
     use crate::simd::columns::ReferenceRow;
     use crate::simd::every_set::for_every_set;
-    use crate::simd::portable::Portable;
     use crate::simd::references::TILE;
     use splitplane_core::arithmetic::Strict;
     use splitplane_core::build::split::{goes_left, goes_right};
@@ -210,10 +208,6 @@ mod tests {
         fn next(&mut self) -> f32 {
             self.0.below(256) as f32 / 16.0
         }
-    }
-
-    fn avx512() -> bool {
-        InstructionSet::available().contains(&InstructionSet::Avx512)
     }
 
     /// What a node of these references becomes: the left rows, then the right ones.
@@ -283,13 +277,13 @@ mod tests {
     }
 
     for_every_set! {
-        fn divide_by_avx512<S>(
+        fn divide_by<S>(
             references: &[ReferenceRow],
             triangles: Option<&[Triangle]>,
             axis: usize,
             plane: f32,
         ) -> [Vec<ReferenceRow>; 2] {
-            divided::<Avx512>(references, triangles, axis, plane)
+            divided::<S>(references, triangles, axis, plane)
         }
     }
 
@@ -326,12 +320,9 @@ mod tests {
                     };
                     let corners = clip.then_some(&triangles[..]);
                     let expected = by_core(&references, corners, axis, plane);
-                    let found = divided::<Portable>(&references, corners, axis, plane);
-                    assert_eq!(found, expected, "{scale} {count} {turn}");
-                    if avx512() {
-                        let set = InstructionSet::Avx512;
-                        let found = divide_by_avx512(set, &references, corners, axis, plane);
-                        assert_eq!(found, expected, "{scale} {count} {turn}");
+                    for set in InstructionSet::available() {
+                        let found = divide_by(set, &references, corners, axis, plane);
+                        assert_eq!(found, expected, "{set:?} {scale} {count} {turn}");
                     }
                     let sides = expected.iter().map(Vec::len).sum::<usize>();
                     lost += references.len().saturating_sub(sides);

@@ -66,6 +66,20 @@ impl AtomicMemory {
         vector.try_reserve_exact(wanted - vector.len()).map_err(|_| self.lacking())
     }
 
+    /// The same without more than that: for lists that seldom grow.
+    ///
+    /// # Errors
+    /// As for [`AtomicMemory::reserve`].
+    pub(super) fn reserve_exactly<T>(
+        &self,
+        vector: &mut Vec<T>,
+        more: usize,
+    ) -> Result<(), BuildError> {
+        let needed = (vector.len() + more).saturating_sub(vector.capacity());
+        self.take((needed * size_of::<T>()) as u64)?;
+        vector.try_reserve_exact(more).map_err(|_| self.lacking())
+    }
+
     /// A list with capacity for `length` elements that is dropped before its creator returns:
     /// kilobytes, which do not count.
     ///

@@ -163,7 +163,7 @@ fn lengthen<T: Copy>(
     filler: T,
 ) -> Result<(), BuildError> {
     if list.len() < length {
-        memory.reserve(list, length - list.len())?;
+        memory.reserve_exactly(list, length - list.len())?;
         list.resize(list.capacity(), filler);
     }
     Ok(())
@@ -354,6 +354,12 @@ fn ranges(open: &[Open]) -> Ranges {
 }
 
 impl Bins {
+    /// Frees its lists.
+    pub(super) fn give_back(&mut self) {
+        let Bins { open, events, places, parts, .. } = self;
+        (*open, *events, *places, *parts) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    }
+
     /// Bytes of its lists.
     pub(super) fn bytes(&self) -> u64 {
         let open = self.open.capacity() * size_of::<Open>();

@@ -11,13 +11,16 @@ use splitplane_core::layout::Reference;
 use splitplane_core::triangle::Triangle;
 
 use super::atomic_memory::AtomicMemory;
-use super::bins::Bins;
+use super::bins::{Bins, CHUNK};
 use super::cost::{Cell, SplitCosts};
 use super::node::{OpenNode, SplitDecision};
 use super::thread_scratch::ThreadScratch;
 use crate::cancel::ProgressMeter;
 use crate::memory::{boxed, resize};
 use crate::simd::InstructionSet;
+
+/// Lists of no more references are taken however few are needed.
+const LONG: usize = 4 * CHUNK;
 
 /// Memory kept between builds: scratch of threads, and lists of references of large nodes.
 #[derive(Debug, Default)]
@@ -44,6 +47,16 @@ impl SweepScratch {
         let lists = self.lists.get_mut().unwrap_or_else(PoisonError::into_inner);
         let longest = (0..lists.len()).max_by_key(|&list| lists[list].len());
         longest.map_or_else(Vec::new, |longest| lists.swap_remove(longest))
+    }
+
+    /// Frees all but the subtrees that workers have built.
+    pub(super) fn give_back_lists(&mut self) {
+        self.lists = Mutex::default();
+        let workers = self.workers.get_mut().unwrap_or_else(PoisonError::into_inner);
+        for worker in workers {
+            worker.stacks = Default::default();
+            worker.bins.give_back();
+        }
     }
 
     /// All workers by number, when none is at work.
@@ -93,9 +106,13 @@ impl BuildContext<'_> {
             let fit =
                 |list: &Vec<Reference>| (list.len() < references, list.len().abs_diff(references));
             let at = (0..lists.len()).min_by_key(|&at| fit(&lists[at]))?;
-            Some(lists.swap_remove(at))
+            // A few references in a long list would wait there while the other child is built.
+            let wasted = lists[at].len() > LONG.max(4 * references);
+            (!wasted).then(|| lists.swap_remove(at))
         });
         let mut list = spare.unwrap_or_default();
+        let more = references.saturating_sub(list.len());
+        self.memory.reserve_exactly(&mut list, more)?;
         self.lengthen(&mut list, references)?;
         Ok(list)
     }

@@ -64,6 +64,7 @@ use splitplane_core::kernel::Counter;
 use splitplane_core::watch::Stage;
 
 use crate::build::twin::buffers::Buffers;
+use crate::build::{Lists, MUCH};
 use crate::cancel::ProgressMeter;
 use crate::memory::Memory;
 use crate::simd::InstructionSet;
@@ -83,7 +84,7 @@ pub(super) use context::SweepScratch;
 pub(crate) fn build(
     (config, sweep): (&BuildConfig, &Sweep),
     set: InstructionSet,
-    (buffers, scratch): (&mut Buffers, &mut SweepScratch),
+    (buffers, scratch, lists): (&mut Buffers, &mut SweepScratch, Lists),
     memory: &mut Memory,
     meter: &ProgressMeter<'_>,
 ) -> Result<(usize, usize), BuildError> {
@@ -112,10 +113,18 @@ pub(crate) fn build(
         meter.begin_stage(Stage::Offline, root.budget);
         builder.build(list, references, &root)?.0
     };
-    buffers.references = scratch.longest_list();
     meter.finish_stage();
-    meter.check()?;
     *memory = shared.total();
+    let held = scratch.bytes();
+    // In a browser there is nobody to give them back to.
+    let system = cfg!(not(target_arch = "wasm32"));
+    if system && lists == Lists::GiveBack && held > MUCH {
+        scratch.give_back_lists();
+        memory.held -= held - scratch.bytes();
+    } else {
+        buffers.references = scratch.longest_list();
+    }
+    meter.check()?;
     let (nodes, references) = built.check_size()?;
     meter.begin_stage(Stage::Output, nodes as u64);
     memory.grow_watched(&mut buffers.nodes, nodes, meter)?;
