@@ -68,7 +68,7 @@ impl ReferenceOps for Avx2 {
         unsafe {
             let (low, high) = (_mm256_set1_ps(low), _mm256_set1_ps(high));
             for first in (0..64).step_by(LANES) {
-                let mine = (mask >> first) as u32 & 0xff;
+                let mine = u32::from((mask >> first) as u8);
                 if mine == 0 {
                     continue;
                 }
