@@ -36,7 +36,7 @@ fn left_aside(hit: Hit) -> vec3<u32> {
     return select(vec3<u32>(), names, hit.triangle == UNSETTLED);
 }
 
-// The best so far is not tested again: camera rays of sponza take 4 to 7 % less time on an H100. Nor is the last: 1 to 3 % less.
+// The best so far is not tested again: camera rays of sponza take 4 to 7 % less time on an H100. Nor is the last: 1 % less.
 fn skips_repeats() -> bool {
     return true;
 }
