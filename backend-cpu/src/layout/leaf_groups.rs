@@ -34,9 +34,11 @@ const MORE_BLOCKS: f32 = 0.6;
 /// [`MORE_BLOCKS`] only below 0.86.
 const DENSE: f32 = 1.0;
 
-/// A box as the least of x, y and z and of their negatives, so that a box around two is the lesser of each number.
+/// A box as the least of x, y and z and of their negatives, so that a box around two is the lesser of each number. At
+/// [`SURFACE`] that of a triangle has half its surface, which is asked for again and again; what groups have there says nothing.
 type Extremes = [f32; 8];
 const NOTHING: Extremes = [f32::INFINITY; 8];
+const SURFACE: usize = 3;
 
 /// The triangles of a leaf in groups; one task's, for all its leaves.
 #[derive(Debug)]
@@ -106,6 +108,7 @@ impl LeafGroups {
         for (own, &triangle) in self.boxes.iter_mut().zip(references) {
             let bounds = Aabb::of_points(&triangles[triangle as usize]);
             *own = extremes(&part(cell, &bounds), scale);
+            own[SURFACE] = area(own);
             flat |= flat_axes(own) != 0;
             all.add(own);
             // The cell is no smaller than the box of all.
@@ -133,11 +136,9 @@ impl LeafGroups {
     fn divide(&mut self, start: usize, all: Group) {
         let end = start + all.count;
         let whole = all.cost(self.lanes);
-        let boxes = &self.boxes[start..end];
         let mut best = f32::INFINITY;
         let mut found = None;
-        for division in divisions(boxes) {
-            let parts = parts(&all, boxes, division);
+        for (division, parts) in divisions(&all, &self.boxes[start..end]) {
             let (cost, limit) = self.compare(&parts, &all);
             if cost < limit * whole && cost < best {
                 best = cost;
@@ -211,8 +212,8 @@ impl LeafGroups {
         let mut places: [usize; MOST] = array::from_fn(|place| place);
         let places = &mut places[..all.count];
         let boxes = &self.boxes[start..];
-        let middle = |place: usize| boxes[place][axis] - boxes[place][axis + 4];
-        places.sort_unstable_by(|&a, &b| middle(a).total_cmp(&middle(b)).then(a.cmp(&b)));
+        let along = |place: usize| middle(&boxes[place])[axis];
+        places.sort_unstable_by(|&a, &b| along(a).total_cmp(&along(b)).then(a.cmp(&b)));
         let first = all.count.div_ceil(self.lanes) / 2 * self.lanes;
         let mut parts = [Group::NONE; 2];
         for (rank, &place) in places.iter().enumerate() {
@@ -240,7 +241,7 @@ impl Group {
     #[inline]
     fn add(&mut self, own: &Extremes) {
         self.bounds = array::from_fn(|i| min(self.bounds[i], own[i]));
-        self.surface += area(own);
+        self.surface += own[SURFACE];
         self.count += 1;
     }
 
@@ -258,28 +259,39 @@ impl Division {
     #[inline]
     fn is_first(self, all: &Group, own: &Extremes) -> bool {
         match self {
-            Division::Middle(axis) => {
-                own[axis] - own[axis + 4] < all.bounds[axis] - all.bounds[axis + 4]
-            }
-            Division::Large(limit) => area(own) >= limit,
+            Division::Middle(axis) => middle(own)[axis] < middle(&all.bounds)[axis],
+            Division::Large(limit) => own[SURFACE] >= limit,
         }
     }
 }
 
-/// What is tried with a group.
-fn divisions(boxes: &[Extremes]) -> [Division; 4] {
-    let largest = boxes.iter().map(area).fold(0.0, |a, b| if b > a { b } else { a });
-    let large = Division::Large(0.5 * largest);
-    [large, Division::Middle(0), Division::Middle(1), Division::Middle(2)]
+/// What is tried with a group, and the two groups that it makes. All are made in one pass, since most of what is looked at stays
+/// whole.
+#[inline]
+fn divisions(all: &Group, boxes: &[Extremes]) -> [(Division, [Group; 2]); 4] {
+    let largest = boxes.iter().map(|own| own[SURFACE]).fold(0.0, |a, b| if b > a { b } else { a });
+    let (limit, centre) = (0.5 * largest, middle(&all.bounds));
+    let mut parts = [[Group::NONE; 2]; 4];
+    for own in boxes {
+        let place = middle(own);
+        let [x, y, z] = [0, 1, 2].map(|axis| place[axis] < centre[axis]);
+        for (two, first) in parts.iter_mut().zip([own[SURFACE] >= limit, x, y, z]) {
+            two[usize::from(!first)].add(own);
+        }
+    }
+    let [large, x, y, z] = parts;
+    [
+        (Division::Large(limit), large),
+        (Division::Middle(0), x),
+        (Division::Middle(1), y),
+        (Division::Middle(2), z),
+    ]
 }
 
-/// The two groups that a division makes.
-fn parts(all: &Group, boxes: &[Extremes], division: Division) -> [Group; 2] {
-    let mut parts = [Group::NONE; 2];
-    for own in boxes {
-        parts[usize::from(!division.is_first(all, own))].add(own);
-    }
-    parts
+/// Twice the middle of a box along each axis.
+#[inline]
+fn middle(bounds: &Extremes) -> [f32; 3] {
+    [0, 1, 2].map(|axis| bounds[axis] - bounds[axis + 4])
 }
 
 /// A box, scaled.
