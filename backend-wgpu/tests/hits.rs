@@ -699,6 +699,49 @@ fn drivers_that_round_as_they_like() {
     }
 }
 
+/// The same of any hits.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn any_hits_on_drivers_that_round_as_they_like() {
+    let sources = ["any_hit", "any_hit_retry"]
+        .map(|name| splitplane_shaders::find(name).expect("a kernel").source());
+    let options = QueryOptions::default();
+    let scenes = [scenes::soup(400, 0.3, 18), scenes::needle_star(), scenes::seams(true)];
+    let cases = scenes.map(|scene| {
+        let case = Case::new(&scene);
+        let mut rays = all_rays(&scene, &case, 20, 19);
+        rays.extend(away(&scene, 50.0));
+        let expected: Vec<u32> = rays
+            .iter()
+            .map(|ray| u32::from(case.reference(ray, &options, Query::Any).is_hit()))
+            .collect();
+        assert!(expected.contains(&0) && expected.contains(&1), "{}", case.name);
+        (case, rays, expected)
+    });
+    // What is left unfinished is the host's to answer.
+    let wrong = |sources: &[String; 2], (case, rays, expected): &(Case, Vec<Ray>, Vec<u32>)| {
+        let (words, _) = by_sources::answers(sources, case.device.device_tree(), rays, 4, 0);
+        let found: Vec<u32> = bytemuck::pod_collect_to_vec(&words);
+        let unfinished = found.iter().filter(|&&word| word == 2).count();
+        let most = if common::is_llvmpipe() { rays.len() / 5 } else { 0 };
+        assert!(unfinished <= most, "{}: {unfinished}", case.name);
+        found
+            .iter()
+            .zip(expected)
+            .filter(|(found, expected)| **found != 2 && found != expected)
+            .count()
+    };
+    for driver in hostile::ALLOWED {
+        let compiled = sources.clone().map(|source| driver.compiled(&source));
+        for case in &cases {
+            assert_eq!(wrong(&compiled, case), 0, "{}, {}", driver.name, case.0.name);
+        }
+    }
+    let fused = sources.map(|source| hostile::fused(&hostile::folded(&source)));
+    let seen: usize = cases.iter().map(|case| wrong(&fused, case)).sum();
+    assert!(seen > 0, "a barrier that is folded away changes no answer");
+}
+
 /// A compiler that knows the barrier's word folds it away and fuses what it kept apart: other hits. With the barrier there is
 /// nothing to fuse.
 #[test]
