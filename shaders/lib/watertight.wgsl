@@ -38,7 +38,7 @@ fn rounded_edges(edges: vec3<f32>) -> vec3<f32> {
 const SIDE_OPEN: i32 = 2;
 
 // 1 where the image's front is met, -1 where its back is, 0 where neither. By the least and the greatest edge function, rounded or not:
-// an H100 does comparisons at half the rate of products, and this gives it 3 to 4 % more rays than to compare each with zero.
+// an H100 does comparisons at half the rate of products, and this gives it 3 to 5 % more rays than to compare each with zero.
 //
 // Rounded, an edge function is negative from -EDGE_LEAST down, positive from EDGE_LEAST up, and zero between. One is negative where the
 // least is, and one positive where the greatest is. None is zero or of the other sign where the least is positive or the greatest negative.
