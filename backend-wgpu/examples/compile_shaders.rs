@@ -16,8 +16,8 @@ use std::process::{Command, ExitCode, Stdio};
 use std::time::Duration;
 
 use splitplane_shaders::{
-    CHECKS, COMPRESS, KERNELS, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER, RENDER_COMPRESSED,
-    RENDER_RETRIES, RENDER_SETTLES, find, for_software, join,
+    CHECKS, COMPRESS, KERNEL_RETRIES, KERNELS, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER,
+    RENDER_COMPRESSED, RENDER_RETRIES, RENDER_SETTLES, find, for_software, join,
 };
 use splitplane_wgpu::{Gpu, OpenOptions};
 
@@ -86,6 +86,7 @@ fn all(adapter: &str, key: &str, rest: &[String]) -> Result<bool, Box<dyn Error>
     };
     let tables = [
         KERNELS,
+        KERNEL_RETRIES,
         COMPRESS,
         QUERIES,
         POINT_BUILD,

@@ -21,6 +21,6 @@ fn first_node(root: u32) -> u32 {
     return root;
 }
 
-fn skips_repeats() -> bool {
+fn skips_best() -> bool {
     return false;
 }

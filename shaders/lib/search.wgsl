@@ -14,11 +14,7 @@ struct Search {
     stop: f32,
 }
 
-// The triangle that was tested last: one more than its index, 0 for none.
-var<private> last_tested: u32;
-
 fn new_search() -> Search {
-    last_tested = 0u;
     return Search(false, false, GREATEST, NO_TRIANGLE, vec3<f32>(), GREATEST);
 }
 
@@ -27,12 +23,9 @@ fn is_traceable(ray: Ray, prepared: PreparedRay) -> bool {
     return true;
 }
 
-// Whether a triangle need not be tested: where tests are not counted, the best so far and the one that was tested last. Either may lie
-// in the next leaf too.
+// Whether a triangle need not be tested: where tests are not counted, the best so far, which may lie in the next leaf too.
 fn may_skip(search: Search, triangle: u32) -> bool {
-    let again = triangle == search.triangle || triangle + 1u == last_tested;
-    last_tested = triangle + 1u;
-    return skips_repeats() && again;
+    return skips_best() && triangle == search.triangle;
 }
 
 // True when a hit comes before what was found: lesser `t`, at equal `t` the lower triangle index.

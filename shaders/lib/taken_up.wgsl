@@ -25,6 +25,6 @@ fn leaves_aside(best: u32) -> bool {
     return false;
 }
 
-fn skips_repeats() -> bool {
+fn skips_best() -> bool {
     return false;
 }
