@@ -10,7 +10,7 @@ use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::scene::BuiltScene;
 use splitplane_core::ray::Ray;
 use splitplane_core::scene::{
-    GeometryId, Instance, InstanceId, Scene, SceneHit, Transform, WorldBox,
+    GeometryId, Instance, InstanceId, ObjectSpace, Scene, SceneHit, Transform, WorldBox,
 };
 use splitplane_test_support::objects;
 
@@ -170,7 +170,7 @@ impl World {
             let placement = built.placement(name)?;
             let bounds = placement.bounds;
             // The box of the turned box is wider than that by the bound.
-            if let Some(wide) = WorldBox::new(transform, &placement.space, &bounds, None) {
+            if let Some(wide) = WorldBox::new(transform, &space(transform), &bounds, None) {
                 if wide == WorldBox::EVERYWHERE {
                     return None;
                 }
@@ -247,4 +247,19 @@ impl World {
 
 fn in_world(transform: &Transform, point: [f32; 3]) -> V3 {
     objects::in_world(transform, point.map(f64::from))
+}
+
+/// The way into an object's space by the rule for the inverse of a matrix of three rows, on its own, so that a wrong way widens no bound.
+fn space(transform: &Transform) -> ObjectSpace {
+    let a = transform.map(|row| row.map(f64::from));
+    let row = |k: usize| [a[k % 3][0], a[k % 3][1], a[k % 3][2]];
+    // Columns of the adjugate.
+    let columns = [0, 1, 2].map(|k| cross(row(k + 1), row(k + 2)));
+    let determinant = dot(row(0), columns[0]);
+    let inverse = [0, 1, 2].map(|k| {
+        let own = columns.map(|column| column[k] / determinant);
+        let from = -dot(own, a.map(|row| row[3]));
+        [own[0] as f32, own[1] as f32, own[2] as f32, from as f32]
+    });
+    ObjectSpace { inverse, mirrored: determinant < 0.0 }
 }
