@@ -7,9 +7,15 @@ degenerate a soup of which every sixth triangle has no area
 prisms     long thin prisms in all directions
 noise      a sphere whose vertices are moved in and out at random
 exploded   a sphere whose 27,000 triangles have flown apart and turned
+
+python3 scripts/scenes.py FOLDER --million MESH.obj [SIDE]
+writes million.json in place of them: a scene file that places the mesh on a grid of SIDE by SIDE places, 1,000 by
+1,000 where left out, each turned about y, scaled and moved at random.
 """
 
+import json
 import math
+import os
 import random
 import sys
 from pathlib import Path
@@ -170,11 +176,48 @@ def exploded(chance):
     return pieces, [(i, i + 1, i + 2) for i in range(0, len(pieces), 3)]
 
 
+def million(folder, mesh, side):
+    """Writes a scene file of side * side instances, line by line, since all of it would take much memory."""
+    with open(mesh) as file:
+        vertices = [[float(x) for x in line.split()[1:4]] for line in file if line.startswith("v ")]
+    lo, hi = ([pick(p[axis] for p in vertices) for axis in range(3)] for pick in (min, max))
+    # An instance is at most 1.25 times as large, and turned: a place is as wide as it is then from corner to corner.
+    step = 1.25 * math.hypot(hi[0] - lo[0], hi[2] - lo[2])
+    middle, height, chance = (side - 1) / 2, hi[1] - lo[1], random.Random(69451)
+    path = os.path.relpath(mesh, folder).replace(os.sep, "/")
+    head = {
+        "format": "splitplane-scene",
+        "version": 1,
+        "geometries": [{"name": "mesh", "obj": path}],
+        # From above one edge of the grid, across it.
+        "cameras": [
+            {"eye": [0, 6 * height, (middle + 6) * step], "at": [0, 0, (middle - 6) * step], "fov_degrees": 50}
+        ],
+        "lights": [{"sun": {"towards": [1, 2, 1], "irradiance": [3, 3, 3]}}],
+    }
+    with open(folder / "million.json", "w") as file:
+        file.write(json.dumps(head, indent=1)[:-2] + ',\n "instances": [')
+        for place in range(side * side):
+            x, z = ((i - middle + chance.uniform(-0.25, 0.25)) * step for i in (place % side, place // side))
+            turn, scale = chance.uniform(0, 360), chance.uniform(0.75, 1.25)
+            file.write(",\n" if place else "\n")
+            file.write(
+                '{"geometry": "mesh", "translate": [%.7g, 0, %.7g], "rotate": {"axis": [0, 1, 0], "degrees": %.5g},'
+                ' "scale": %.5g}' % (x, z, turn, scale)
+            )
+        file.write("\n]}\n")
+    print(f"million.json: {side * side} instances")
+
+
 def main():
-    if len(sys.argv) != 2:
+    to_place = sys.argv[2:3] == ["--million"] and len(sys.argv) in (4, 5)
+    if len(sys.argv) != 2 and not to_place:
         sys.exit(__doc__)
     folder = Path(sys.argv[1])
     folder.mkdir(parents=True, exist_ok=True)
+    if to_place:
+        million(folder, sys.argv[3], int(sys.argv[4]) if len(sys.argv) == 5 else 1000)
+        return
     chance = random.Random(2008)
     write(folder, "crowd", *crowd())
     write(folder, "terrain", *terrain())
