@@ -28,6 +28,7 @@ mod choose;
 mod counting;
 mod found;
 mod in_turn;
+mod lone;
 mod overlaps;
 mod parts;
 mod seen;
@@ -39,6 +40,7 @@ mod turn_ray;
 mod way;
 
 use batch::SceneBatch;
+use lone::Lone;
 use parts::{Geometries, Kind};
 use single::{Followed, SceneSingle};
 use top_walk::VectorWalker;
@@ -127,6 +129,9 @@ impl CpuScene {
         options: &SceneOptions<'_>,
     ) -> Result<SceneReport, QueryError> {
         check_lengths(rays.len(), answers.len())?;
+        if let Some(lone) = Lone::of(&self.built, options) {
+            return lone.answer(rays, answers);
+        }
         if options.accuracy != Accuracy::Exact
             && let Some(kind) = self.kind
         {
