@@ -40,7 +40,7 @@ mod turn_ray;
 mod way;
 
 use batch::SceneBatch;
-use lone::Lone;
+use lone::{LONE_SERVED, Lone};
 use parts::{Geometries, Kind};
 use single::{Followed, SceneSingle};
 use top_walk::VectorWalker;
@@ -129,7 +129,7 @@ impl CpuScene {
         options: &SceneOptions<'_>,
     ) -> Result<SceneReport, QueryError> {
         check_lengths(rays.len(), answers.len())?;
-        if let Some(lone) = Lone::of(&self.built, options) {
+        if LONE_SERVED && let Some(lone) = Lone::of(&self.built, options) {
             return lone.answer(rays, answers);
         }
         if options.accuracy != Accuracy::Exact

@@ -18,8 +18,8 @@ use super::seen::WorldRay;
 use super::{BLOCK, WATCHED_BLOCK};
 use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
 
-/// A page loads no way of its own for these.
-const SERVED: bool = !cfg!(target_family = "wasm");
+/// Whether such scenes have a way of their own. A page would have to load it: there they do not.
+pub(super) const LONE_SERVED: bool = !cfg!(target_family = "wasm");
 
 /// The only instance of a scene, of a mesh.
 #[derive(Clone, Copy)]
@@ -41,7 +41,7 @@ impl<'a> Lone<'a> {
     /// `None` where a scene is another, and where hits may depend on which instances a ray enters or not all of them count.
     pub(super) fn of(scene: &'a BuiltScene, options: &'a SceneOptions<'a>) -> Option<Lone<'a>> {
         let [Some(placement)] = scene.all_placements() else { return None };
-        if !SERVED || options.accuracy == Accuracy::Fast || !all_count(scene, options) {
+        if options.accuracy == Accuracy::Fast || !all_count(scene, options) {
             return None;
         }
         let built = scene.geometry(placement.instance.geometry)?;
