@@ -39,16 +39,12 @@ mod top_walk;
 mod turn_ray;
 mod way;
 
-use batch::SceneBatch;
+use batch::{BLOCK, SceneBatch, WATCHED_BLOCK};
 use lone::{LONE_SERVED, Lone};
 use parts::{Geometries, Kind};
 use single::{Followed, SceneSingle};
 use top_walk::VectorWalker;
 
-/// Rays of a block: enough that those in one geometry are many, and few enough that their stacks stay near.
-const BLOCK: usize = 4096;
-/// The same with a watch, so that a wave is soon over.
-const WATCHED_BLOCK: usize = 256;
 /// Fewer rays in a geometry are traced one at a time.
 const SINGLY_BELOW: usize = 3;
 

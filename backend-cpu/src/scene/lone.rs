@@ -13,9 +13,9 @@ use splitplane_core::report::QueryReport;
 use splitplane_core::scene::{InstanceId, Placement, SceneHit, SceneOptions, SceneReport, TopRay};
 use splitplane_core::watch::Stage;
 
+use super::batch::{BLOCK, WATCHED_BLOCK};
 use super::parts::all_count;
 use super::seen::WorldRay;
-use super::{BLOCK, WATCHED_BLOCK};
 use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
 
 /// Whether such scenes have a way of their own. A page would have to load it: there they do not.
