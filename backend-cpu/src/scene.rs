@@ -28,6 +28,7 @@ mod choose;
 mod counting;
 mod found;
 mod in_turn;
+mod lone;
 mod overlaps;
 mod parts;
 mod seen;
@@ -38,15 +39,12 @@ mod top_walk;
 mod turn_ray;
 mod way;
 
-use batch::SceneBatch;
+use batch::{BLOCK, SceneBatch, WATCHED_BLOCK};
+use lone::{LONE_SERVED, Lone};
 use parts::{Geometries, Kind};
 use single::{Followed, SceneSingle};
 use top_walk::VectorWalker;
 
-/// Rays of a block: enough that those in one geometry are many, and few enough that their stacks stay near.
-const BLOCK: usize = 4096;
-/// The same with a watch, so that a wave is soon over.
-const WATCHED_BLOCK: usize = 256;
 /// Fewer rays in a geometry are traced one at a time.
 const SINGLY_BELOW: usize = 3;
 
@@ -127,6 +125,9 @@ impl CpuScene {
         options: &SceneOptions<'_>,
     ) -> Result<SceneReport, QueryError> {
         check_lengths(rays.len(), answers.len())?;
+        if LONE_SERVED && let Some(lone) = Lone::of(&self.built, options) {
+            return lone.answer(rays, answers);
+        }
         if options.accuracy != Accuracy::Exact
             && let Some(kind) = self.kind
         {

@@ -6,6 +6,11 @@ use splitplane_core::scene::SceneOptions;
 
 use super::parts::Geometries;
 
+/// Rays of a block: enough that those in one geometry are many, and few enough that their stacks stay near.
+pub(super) const BLOCK: usize = 4096;
+/// The same with a watch, so that a wave is soon over.
+pub(super) const WATCHED_BLOCK: usize = 256;
+
 /// Rays through a scene on one thread. Geometries must be made for the set.
 pub(super) struct SceneBatch<'a, T> {
     pub(super) scene: &'a BuiltScene,

@@ -54,7 +54,6 @@ impl LoadedRay {
     }
 
     /// The ray as others take it.
-    #[cfg(test)]
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) fn ray(&self) -> Ray {
         let ([x, y, z, _], [dx, dy, dz, _]) = (self.origin.row(), self.direction.row());

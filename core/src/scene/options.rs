@@ -89,7 +89,7 @@ impl<'a> SceneOptions<'a> {
 pub struct SceneReport {
     /// Sums over all batches that geometries answered. A ray counts once in each instance that it enters.
     pub geometries: QueryReport,
-    /// Instances entered, by all rays together.
+    /// Instances entered, by all rays together. Where a scene has one, the CPU backend counts each ray that can hit anything.
     pub entered: u64,
     /// Batches that geometries answered; 0 where the CPU backend followed each ray from instance to instance.
     pub batches: u64,
