@@ -5,7 +5,7 @@ use core::ops::ControlFlow;
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::source::Source;
-use splitplane_core::backend::scene::SceneAccelerator;
+use splitplane_core::backend::scene::{SceneAccelerator, TopUpdate};
 use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Accuracy, Culling, Ray};
@@ -16,6 +16,7 @@ use splitplane_core::scene::{
 };
 use splitplane_core::watch::Progress;
 use splitplane_cpu::CpuBackend;
+use splitplane_test_support::random::Random;
 
 thread_local! {
     static BACKEND: CpuBackend = CpuBackend::new();
@@ -23,13 +24,49 @@ thread_local! {
 
 /// Edits of one input.
 const EDITS: usize = 40;
-/// Instances of one scene.
+/// Instances of one scene, but for those that come as a crowd.
 const INSTANCES: usize = 24;
+
+/// What updates came across: sequences that reach nothing test nothing.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Reached {
+    /// Updates that came to their end.
+    pub updates: u64,
+    /// Most instances of a scene.
+    pub instances: usize,
+    /// Instances that changed.
+    pub changed: u64,
+    /// Updates that gave several nodes of the tree over instances new boxes.
+    pub refits: u64,
+    /// Updates that built this tree anew although no instance had come or gone, since it was worn.
+    pub worn: u64,
+    /// Updates that were cancelled first.
+    pub cancelled: u64,
+}
+
+impl Reached {
+    /// Both together.
+    pub fn and(self, other: Reached) -> Reached {
+        Reached {
+            updates: self.updates + other.updates,
+            instances: self.instances.max(other.instances),
+            changed: self.changed + other.changed,
+            refits: self.refits + other.refits,
+            worn: self.worn + other.worn,
+            cancelled: self.cancelled + other.cancelled,
+        }
+    }
+}
 
 /// Bytes as edits, for the CPU backend.
 pub fn run(data: &[u8]) {
+    reached(data);
+}
+
+/// The same, and what was reached.
+pub fn reached(data: &[u8]) -> Reached {
     crate::single_thread();
-    BACKEND.with(|backend| run_on(data, backend, |scene| scene));
+    BACKEND.with(|backend| run_on(data, backend, |scene| scene))
 }
 
 /// The same, with what is built given through `fault`.
@@ -37,24 +74,26 @@ pub fn run_on(
     data: &[u8],
     backend: &dyn Backend,
     fault: impl Fn(Box<dyn SceneAccelerator>) -> Box<dyn SceneAccelerator>,
-) {
+) -> Reached {
     let source = &mut Source::new(data);
     let options = BuildOptions::default();
     let mut scene = Scene::new();
     let mut model = Model::default();
     let built = backend.build_scene(&scene, &options).expect("an empty scene");
     let mut built = fault(built);
+    let mut reached = Reached::default();
     for _ in 0..EDITS {
         edit(source, &mut scene, &mut model);
         model.check(&scene);
         if source.once_in(4) || source.is_empty() {
-            update(source, backend, &scene, &mut built);
+            update(source, backend, (&scene, &mut model), &mut built, &mut reached);
         }
         if source.is_empty() {
             break;
         }
     }
-    update(source, backend, &scene, &mut built);
+    update(source, backend, (&scene, &mut model), &mut built, &mut reached);
+    reached
 }
 
 /// What should be there.
@@ -65,6 +104,8 @@ struct Model {
     /// Those that consist of shapes.
     shapes: BTreeSet<u32>,
     instances: BTreeMap<u32, Instance>,
+    /// Whether instances came or went since the last update.
+    other_instances: bool,
 }
 
 impl Model {
@@ -121,6 +162,37 @@ fn instance(source: &mut Source<'_>, geometry: GeometryId) -> Instance {
     }
 }
 
+/// A mesh of a few small triangles, and instances of it about the origin until there are `count` in all. A few bytes make a tree of
+/// several levels so, which edits one by one would never reach.
+fn crowd(random: &mut Random, count: usize, scene: &mut Scene, model: &mut Model) {
+    let mut around = |size: f64| (size * (random.unit() - 0.5)) as f32;
+    let small: Vec<_> = (0..4).map(|_| [(); 3].map(|()| [(); 3].map(|()| around(1.0)))).collect();
+    let name = scene.add_mesh(&Mesh::soup(&small).expect("a mesh")).expect("a name");
+    model.geometries.insert(name.0, small);
+    while model.instances.len() < count {
+        let mut transform = IDENTITY;
+        transform.iter_mut().for_each(|row| row[3] = around(6.0));
+        let own = Instance::new(name, transform);
+        model.instances.insert(scene.add_instance(own).expect("a name").0, own);
+    }
+    model.other_instances = true;
+}
+
+/// Moves one in `part` instances by up to `reach`.
+fn stir(random: &mut Random, part: usize, reach: f64, scene: &mut Scene, model: &mut Model) {
+    for (&name, own) in &mut model.instances {
+        if random.below(part) > 0 {
+            continue;
+        }
+        let mut to = own.transform;
+        to.iter_mut().for_each(|row| row[3] += (reach * (random.unit() - 0.5)) as f32);
+        match scene.move_instance(InstanceId(name), to) {
+            Ok(()) => own.transform = to,
+            Err(error) => refusal(name, &to, error),
+        }
+    }
+}
+
 /// Whether a transform is refused, and for what.
 fn refusal(name: u32, transform: &Transform, error: SceneError) {
     let finite = transform.iter().flatten().all(|x| x.is_finite());
@@ -141,7 +213,7 @@ fn edit(source: &mut Source<'_>, scene: &mut Scene, model: &mut Model) {
     let geometry = GeometryId(name(source, scene.geometry_names()));
     let one = InstanceId(name(source, scene.instance_names()));
     let is_there = model.instances.get(&one.0).copied();
-    match source.below(11) {
+    match source.below(13) {
         0 => {
             let triangles = triangles(source);
             let added = scene.add_mesh(&Mesh::soup(&triangles).expect("a mesh"));
@@ -174,7 +246,10 @@ fn edit(source: &mut Source<'_>, scene: &mut Scene, model: &mut Model) {
             }
         }
         3 => match scene.remove_instance(one) {
-            Ok(()) => assert!(model.instances.remove(&one.0).is_some()),
+            Ok(()) => {
+                model.other_instances = true;
+                assert!(model.instances.remove(&one.0).is_some());
+            }
             Err(error) => {
                 assert_eq!(error, SceneError::UnknownInstance { instance: one.0 });
                 assert!(is_there.is_none());
@@ -219,11 +294,23 @@ fn edit(source: &mut Source<'_>, scene: &mut Scene, model: &mut Model) {
             let is_mesh = !model.shapes.contains(&geometry.0);
             assert_eq!(set.is_ok(), is_mesh && model.geometries.contains_key(&geometry.0));
         }
+        8 => {
+            let (seed, count) = (source.long(), source.pick(&[10, 24, 70, 200]));
+            crowd(&mut Random::new(seed), count, scene, model);
+        }
+        9 => {
+            let (seed, part) = (source.long(), source.pick(&[1, 2, 16]));
+            let reach = source.pick(&[0.25, 2.0, 64.0]);
+            stir(&mut Random::new(seed), part, reach, scene, model);
+        }
         _ if model.instances.len() < INSTANCES => {
             let own = instance(source, geometry);
             let next = scene.instance_names() as u32;
             match scene.add_instance(own) {
-                Ok(name) => assert!(model.instances.insert(name.0, own).is_none()),
+                Ok(name) => {
+                    model.other_instances = true;
+                    assert!(model.instances.insert(name.0, own).is_none());
+                }
                 Err(SceneError::UnknownGeometry { .. }) => {
                     assert!(!model.geometries.contains_key(&geometry.0));
                 }
@@ -245,8 +332,9 @@ fn edit(source: &mut Source<'_>, scene: &mut Scene, model: &mut Model) {
 fn update(
     source: &mut Source<'_>,
     backend: &dyn Backend,
-    scene: &Scene,
+    (scene, model): (&Scene, &mut Model),
     built: &mut Box<dyn SceneAccelerator>,
+    reached: &mut Reached,
 ) {
     let options = BuildOptions::default();
     if source.once_in(3) {
@@ -255,9 +343,19 @@ fn update(
         let cancelled = BuildOptions { watch: Some(&stop), ..options };
         if backend.update_scene(built, scene, &cancelled).is_err() {
             assert_eq!(built.scene().digest(), before);
+            reached.cancelled += 1;
         }
     }
-    backend.update_scene(built, scene, &options).expect("an update");
+    let report = backend.update_scene(built, scene, &options).expect("an update");
+    let others = core::mem::take(&mut model.other_instances);
+    *reached = reached.and(Reached {
+        updates: 1,
+        instances: scene.len(),
+        changed: report.instances_changed.into(),
+        refits: u64::from(report.top == TopUpdate::Refitted && report.top_nodes_changed > 1),
+        worn: u64::from(report.top == TopUpdate::Rebuilt && !others),
+        cancelled: 0,
+    });
     let fresh = backend.build_scene(scene, &options).expect("a scene");
     assert_eq!(built.scene().digest(), fresh.scene().digest());
     let rays: Vec<Ray> = (0..12)
