@@ -24,6 +24,7 @@ part() {
     ../scripts/web.sh bindgen --target web --remove-name-section --remove-producers-section --out-dir "$out" --out-name "$name" \
         "${CARGO_TARGET_DIR:-target}/wasm32-unknown-unknown/release/splitplane_web.wasm"
     ../scripts/web.sh optimise "$out/${name}_bg.wasm"
+    [ -z "${SPLITPLANE_WEB_SHARED:-}" ] || node scripts/guard-waits.mjs "$out/${name}_bg.wasm"
     rm -f "$out/.gitignore" "$out/package.json"
 }
 
