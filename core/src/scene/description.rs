@@ -118,6 +118,13 @@ pub struct Edits {
     count: u64,
 }
 
+impl Edits {
+    /// Whether both are the same time of the same scene.
+    pub(crate) fn is_same(&self, other: &Edits) -> bool {
+        Arc::ptr_eq(&self.scene, &other.scene) && self.count == other.count
+    }
+}
+
 /// A geometry of a scene and how many instances it has.
 #[derive(Debug)]
 struct Geometry {
