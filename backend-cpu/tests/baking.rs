@@ -229,7 +229,7 @@ fn what_cannot_be_baked_is_named() {
         assert_eq!((own.mask, own.id, own.culling), (other.mask, other.id, other.culling));
     }
     scene.set_instance(names[4], plain).unwrap();
-    let spheres = Shapes::Spheres(vec![Sphere { centre: [0.0; 3], radius: 1.0 }].into());
+    let spheres = Shapes::Spheres(vec![Sphere { centre: [0.0; 3], radius: 1.0 }]);
     let round = scene.add_shapes(spheres).unwrap();
     let round = scene.add_instance(Instance::in_place(round)).unwrap();
     assert_eq!(bake(&scene, &[names[0], round]), BakeError::Shapes { instance: round.0 });
