@@ -2,15 +2,15 @@
 
 mod near;
 mod reach;
-mod shared;
 mod state;
 
 use self::reach::Reach;
 use self::state::{State, description};
 use splitplane_core::backend::scene::{
-    BuiltScene, SceneAccelerator, SceneAllHits, SceneAllHitsOptions, SceneWriteError, write_file,
+    BuiltScene, SceneAccelerator, SceneAllHits, SceneAllHitsOptions, SceneWriteError,
+    SharedGeometry, write_file,
 };
-use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
+use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::error::QueryError;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::Ray;
@@ -328,7 +328,7 @@ impl LazyScene {
     ) -> Result<Arc<State>, LazyError> {
         let options = BuildOptions { watch, ..self.options };
         // What this call has built, should others be faster.
-        let mut built: Vec<(GeometryId, Arc<dyn Accelerator>)> = Vec::new();
+        let mut built: Vec<(GeometryId, SharedGeometry)> = Vec::new();
         loop {
             let base = self.state();
             let (mut waiting, mut trees) = (base.waiting.clone(), base.trees.clone());
@@ -339,7 +339,7 @@ impl LazyScene {
                     *waits = false;
                     builds += 1;
                     let own = built.iter().find(|(own, _)| own == name);
-                    trees[at] = own.map(|(_, tree)| Arc::clone(tree));
+                    trees[at] = own.map(|(_, tree)| tree.clone());
                 }
             }
             if builds == base.builds {
@@ -350,7 +350,7 @@ impl LazyScene {
             built.clear();
             built.extend(names.iter().filter_map(|name| {
                 let tree = next.trees.get(name.0 as usize)?.as_ref()?;
-                Some((*name, Arc::clone(tree)))
+                Some((*name, tree.clone()))
             }));
             let mut current = self.current.lock().unwrap_or_else(PoisonError::into_inner);
             if Arc::ptr_eq(&current, &base) {

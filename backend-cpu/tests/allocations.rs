@@ -1,57 +1,16 @@
 //! Rebuilds into the same memory allocate nothing, and little with preset `best`.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
+#[path = "common/counting.rs"]
+mod counting;
 
+use counting::allocated;
 use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
 use splitplane_core::config::Preset;
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::scenes;
 
-/// Counts allocations, and growths of what was allocated, while [`COUNTING`] is set.
-struct Counting;
-
-static COUNTING: AtomicBool = AtomicBool::new(false);
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
-static BYTES: AtomicUsize = AtomicUsize::new(0);
-
-fn note(bytes: usize) {
-    if COUNTING.load(Relaxed) {
-        ALLOCATIONS.fetch_add(1, Relaxed);
-        BYTES.fetch_add(bytes, Relaxed);
-    }
-}
-
-// SAFETY: hands everything on to the system's allocator.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        note(layout.size());
-        // SAFETY: the caller's contract.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
-        // SAFETY: the caller's contract.
-        unsafe { System.dealloc(memory, layout) }
-    }
-
-    unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        note(size);
-        // SAFETY: the caller's contract.
-        unsafe { System.realloc(memory, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
 fn allocations(work: impl FnOnce()) -> usize {
-    ALLOCATIONS.store(0, Relaxed);
-    BYTES.store(0, Relaxed);
-    COUNTING.store(true, Relaxed);
-    work();
-    COUNTING.store(false, Relaxed);
-    ALLOCATIONS.load(Relaxed)
+    allocated(work).0
 }
 
 /// One test, since it counts for the whole process.
@@ -121,15 +80,13 @@ fn best_allocates_little() {
                 || backend.rebuild_accelerator(&mut accelerator, &mesh, &options).unwrap();
             rebuild();
             for _ in 0..3 {
-                let count = allocations(&mut rebuild);
-                let bytes = BYTES.load(Relaxed);
+                let (count, bytes) = allocated(&mut rebuild);
                 assert!(count < 100 && bytes < 1 << 15, "{layout:?}: {count} of {bytes} bytes");
             }
             let new = || {
                 CpuBackend::new().rebuild_accelerator(&mut accelerator, &mesh, &options).unwrap();
             };
-            let planted = allocations(new);
-            let bytes = BYTES.load(Relaxed);
+            let (planted, bytes) = allocated(new);
             assert!(planted > 0 && bytes > 1 << 20, "{planted} of {bytes} bytes");
         });
     }

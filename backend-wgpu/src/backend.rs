@@ -246,7 +246,8 @@ impl WgpuBackend {
         MovedMesh::new(&self.shared, mesh, group_of, groups)
     }
 
-    fn submit(
+    /// Submits a build; with `tree_to_host` the tree is read back too.
+    pub(crate) fn submit(
         &self,
         source: &Source<'_>,
         options: &BuildOptions<'_>,
@@ -406,7 +407,12 @@ impl WgpuBackend {
         built.update_with(scene, options, ready).await
     }
 
-    fn accelerator(&self, built: DeviceBuild, triangles: Vec<Triangle>) -> WgpuAccelerator {
+    /// What answers rays, of a build whose tree was read back, and the mesh's corners as they were prepared.
+    pub(crate) fn accelerator(
+        &self,
+        built: DeviceBuild,
+        triangles: Vec<Triangle>,
+    ) -> WgpuAccelerator {
         let tree = built.host_tree.expect("a build for the host reads the tree back");
         let queries = Arc::clone(&self.shared.queries);
         WgpuAccelerator::new(queries, built.tree, tree, triangles, built.summary)
@@ -605,4 +611,4 @@ impl Backend for WgpuBackend {
 /// Triangles that are prepared between two calls of the watch.
 const PIECE: usize = 4096;
 /// What host memory is asked for.
-const CORNERS: &str = "a copy of the triangles' corners";
+pub(crate) const CORNERS: &str = "a copy of the triangles' corners";

@@ -10,6 +10,7 @@ pub mod options;
 pub mod parity;
 pub mod probe;
 pub mod query;
+mod scene_update;
 pub mod selftest;
 
 pub use device::{Traffic, adapters, gpu};
@@ -33,4 +34,5 @@ pub use query::{
 };
 
 /// The version of wgpu that this crate is built with.
+pub use scene_update::PendingSceneUpdate;
 pub use wgpu;

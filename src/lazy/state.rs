@@ -1,9 +1,8 @@
 //! What of a scene is built, and what is not.
 
 use super::reach::Reach;
-use super::shared::Shared;
-use splitplane_core::backend::scene::SceneAccelerator;
-use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
+use splitplane_core::backend::scene::{SceneAccelerator, SharedGeometry};
+use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::scene::{
     GeometryId, Instance, InstanceId, Scene, SceneBuildError, SceneError,
@@ -15,7 +14,7 @@ pub(super) struct State {
     /// Over the description in which what is not built is empty.
     pub(super) accelerator: Box<dyn SceneAccelerator>,
     /// By geometry, what answers its rays; `None` for shapes, and for what is not built.
-    pub(super) trees: Vec<Option<Arc<dyn Accelerator>>>,
+    pub(super) trees: Vec<Option<SharedGeometry>>,
     /// By geometry: whether it is not built.
     pub(super) waiting: Vec<bool>,
     pub(super) reach: Reach,
@@ -28,7 +27,7 @@ impl State {
     pub(super) fn new(
         backend: &dyn Backend,
         (scene, nothing): (&Scene, &Scene),
-        (waiting, mut trees): (Vec<bool>, Vec<Option<Arc<dyn Accelerator>>>),
+        (waiting, mut trees): (Vec<bool>, Vec<Option<SharedGeometry>>),
         builds: u64,
         options: &BuildOptions<'_>,
     ) -> Result<State, SceneBuildError> {
@@ -38,17 +37,18 @@ impl State {
         let mut accelerator = backend.build_scene(&Scene::new(), &options.unwatched())?;
         // Geometries are asked for in the order of their names; shapes are not asked for.
         let meshes = present.geometries().filter(|(_, mesh)| mesh.shapes().is_none());
-        let mut names = meshes.map(|(name, _)| name);
+        let mut meshes = meshes.map(|(name, own)| (name, Arc::clone(own)));
         accelerator.update_by(&present, options, &mut |mesh, options| {
-            let place = names.next().filter(|name| !waits(*name)).map(|name| name.0 as usize);
-            let Some(kept) = place.and_then(|place| trees.get_mut(place)) else {
+            let asked = meshes.next().filter(|(name, _)| !waits(*name));
+            let place = asked.and_then(|(name, own)| Some((trees.get_mut(name.0 as usize)?, own)));
+            let Some((kept, own)) = place else {
                 return backend.build(mesh, options);
             };
-            let own = match kept {
-                Some(own) => Arc::clone(own),
-                None => Arc::clone(kept.insert(Arc::from(backend.build(mesh, options)?))),
+            let shared = match kept {
+                Some(shared) => shared,
+                None => kept.insert(SharedGeometry::new(own, backend.build(mesh, options)?)),
             };
-            Ok(Box::new(Shared(own)))
+            Ok(Box::new(shared.clone()))
         })?;
         Ok(State { accelerator, trees, waiting, reach, builds })
     }

@@ -118,6 +118,13 @@ pub struct Edits {
     count: u64,
 }
 
+impl Edits {
+    /// Whether both are the same time of the same scene.
+    pub(crate) fn is_same(&self, other: &Edits) -> bool {
+        Arc::ptr_eq(&self.scene, &other.scene) && self.count == other.count
+    }
+}
+
 /// A geometry of a scene and how many instances it has.
 #[derive(Debug)]
 struct Geometry {
@@ -232,12 +239,40 @@ impl Scene {
         Ok(scene)
     }
 
+    /// Another description of the same, which shares all arrays with this one.
+    pub(super) fn shared_copy(&self) -> Result<Scene, SceneError> {
+        let mut own = Scene { count: self.count, ..Scene::new() };
+        reserve(&mut own.geometries, self.geometries.len())?;
+        own.geometries.extend(self.geometries.iter().map(|at| match at {
+            State::There(Geometry { mesh, opacity, instances }) => State::There(Geometry {
+                mesh: Arc::clone(mesh),
+                opacity: opacity.clone(),
+                instances: *instances,
+            }),
+            State::Free => State::Free,
+        }));
+        reserve(&mut own.instances, self.instances.len())?;
+        own.instances.extend(self.instances.iter().cloned());
+        own.free_geometries = copied(&self.free_geometries)?;
+        own.free_instances = copied(&self.free_instances)?;
+        Ok(own)
+    }
+
     /// Adds a geometry: a copy of a mesh.
     ///
     /// # Errors
     /// Too many geometries, or no memory for it.
     pub fn add_mesh(&mut self, mesh: &Mesh<'_>) -> Result<GeometryId, SceneError> {
         self.add(|| GeometryMesh::copied(mesh))
+    }
+
+    /// Adds a geometry of arrays that are a mesh.
+    pub(super) fn add_arrays(
+        &mut self,
+        positions: Vec<[f32; 3]>,
+        indices: Vec<[u32; 3]>,
+    ) -> Result<GeometryId, SceneError> {
+        self.add(|| Ok(GeometryMesh { positions, indices: Some(indices), shapes: None }))
     }
 
     /// Adds a geometry of shapes.

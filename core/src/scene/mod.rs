@@ -10,6 +10,7 @@
 //! ([`TopTree`]), which are wide enough for what the transforms' roundings move ([`WorldBox`]). So no hit depends on
 //! that tree, and it may be refitted while instances move.
 
+mod bake;
 mod description;
 mod digest;
 mod error;
@@ -31,6 +32,7 @@ mod top_walk;
 mod transform;
 mod world_box;
 
+pub use bake::{BakeError, BakedTable};
 pub use description::{Changes, Edits, GeometryMesh, Instance, Scene, State};
 pub(crate) use digest::SceneDigest;
 pub use error::{SceneBuildError, SceneError};

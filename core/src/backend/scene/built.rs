@@ -4,8 +4,10 @@ use alloc::boxed::Box;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 
+use super::extents::Extents;
 use super::nearness::Nearness;
 use super::shapes::ShapeAccelerator;
+use super::shared::SharedGeometry;
 use crate::aabb::Aabb;
 use crate::backend::{Accelerator, BuildOptions};
 use crate::error::BuildError;
@@ -14,10 +16,9 @@ use crate::query::intersect::{Limits, SceneScale};
 use crate::scene::ShapeTree;
 use crate::scene::{
     Defect, Edits, GeometryId, GeometryMesh, Instance, InstanceId, ObjectSpace, OpacityMask,
-    Outline, OutlineCells, Placement, SceneDigest, TopTree,
+    Outline, Placement, SceneDigest, TopTree,
 };
 use crate::tree::digest::Digest;
-use crate::triangle::{Prepared, prepare};
 
 /// Builds a geometry: what a backend does with one mesh. A build or an update asks for geometries in the order of their names.
 pub type BuildGeometry<'a> =
@@ -37,20 +38,22 @@ pub struct BuiltGeometry {
     outline: Option<Outline>,
 }
 
+/// Whether trees that several scenes share bring what is known of their triangles. Else it is found again: in browsers nobody shares them.
+const KNOWN: bool = !cfg!(target_arch = "wasm32");
+
 impl BuiltGeometry {
-    pub(super) fn new(mesh: Arc<GeometryMesh>, accelerator: Box<dyn Accelerator>) -> BuiltGeometry {
-        let tree = accelerator.tree();
-        let (mut limits, mut cells) = (Limits::NONE, OutlineCells::of(&tree.view()));
-        let arrays = mesh.mesh();
-        for triangle in 0..arrays.len() {
-            let Prepared { corners, kept, .. } = prepare(&arrays.triangle(triangle));
-            if kept {
-                limits = limits.union(Limits::of(&corners));
-                cells.add(&Aabb::of_points(&corners));
-            }
-        }
-        let (scale, digest) = (SceneScale::new(tree.bounds, &limits), tree.digest());
-        let (bounds, outline) = (tree.bounds, cells.outline());
+    pub(super) fn new(
+        mesh: Arc<GeometryMesh>,
+        mut accelerator: Box<dyn Accelerator>,
+    ) -> BuiltGeometry {
+        let known = if KNOWN {
+            let shared = accelerator.downcast_mut::<SharedGeometry>();
+            shared.and_then(|shared| shared.extents_of(&mesh))
+        } else {
+            None
+        };
+        let extents = known.unwrap_or_else(|| Extents::of(&mesh, accelerator.tree()));
+        let Extents { scale, digest, bounds, outline } = extents;
         let (shapes, opacity) = (None, None);
         BuiltGeometry { mesh, accelerator, shapes, opacity, scale, digest, bounds, outline }
     }

@@ -1,0 +1,208 @@
+//! An update of a scene whose trees the device builds while the scene goes on answering.
+
+use std::sync::Arc;
+
+use splitplane_core::backend::BuildOptions;
+use splitplane_core::backend::scene::{
+    BuiltScene, FinishError, PendingUpdate, SceneAccelerator, UpdateReport,
+};
+use splitplane_core::error::BuildError;
+use splitplane_core::scene::{GeometryId, GeometryMesh, Scene, SceneBuildError};
+use splitplane_core::triangle::{Triangle, prepare};
+use splitplane_core::watch::Progress;
+
+use crate::backend::{CORNERS, WgpuBackend};
+use crate::builder::source::Source;
+use crate::builder::{DeviceBuild, PendingBuild};
+use crate::device::host;
+
+/// An update of a scene that was submitted: the device builds the trees of its meshes, one after the other, and the scene answers meanwhile as
+/// before. It is a [`PendingUpdate`] whose builds nobody waits for.
+///
+/// What the host has to do, which is to send a mesh and to look at its triangles, is done by the calls. Dropped, it leaves the scene as it was, and so does
+/// every error.
+///
+/// ```no_run
+/// # use splitplane_core::backend::BuildOptions;
+/// # use splitplane_core::backend::scene::{FinishError, SceneAccelerator};
+/// # use splitplane_core::scene::Scene;
+/// # use splitplane_wgpu::{PendingSceneUpdate, WgpuBackend, WgpuScene};
+/// fn frame(
+///     backend: &WgpuBackend,
+///     built: &mut WgpuScene,
+///     description: &Scene,
+///     pending: &mut PendingSceneUpdate,
+/// ) -> Result<(), FinishError> {
+///     if pending.poll()? {
+///         pending.finish(built, description)?;
+///     }
+///     // Rays through `built`, the old scene or the new one.
+///     Ok(())
+/// }
+/// ```
+pub struct PendingSceneUpdate {
+    backend: WgpuBackend,
+    update: PendingUpdate,
+    options: BuildOptions<'static>,
+    running: Option<Running>,
+}
+
+/// The build that is under way.
+struct Running {
+    geometry: GeometryId,
+    mesh: Arc<GeometryMesh>,
+    pending: PendingBuild,
+    /// Corners of all triangles, for the host.
+    triangles: Vec<Triangle>,
+}
+
+impl PendingSceneUpdate {
+    /// Begins an update of a scene to a description: submits the build of the first mesh that needs one. The options' watch is not called.
+    ///
+    /// # Errors
+    /// Shapes that the backend does not answer, and what a device or a limit refuses.
+    pub fn begin(
+        backend: &WgpuBackend,
+        scene: &BuiltScene,
+        description: &Scene,
+        options: &BuildOptions<'_>,
+    ) -> Result<PendingSceneUpdate, SceneBuildError> {
+        let update = PendingUpdate::begin(backend, scene, description)?;
+        let (backend, options) = (backend.clone(), options.unwatched());
+        let mut own = PendingSceneUpdate { backend, update, options, running: None };
+        own.submit_next()?;
+        Ok(own)
+    }
+
+    /// Begins again: see [`PendingUpdate::renew`]. A build under way goes on where it is still needed, and is cancelled where it is not.
+    ///
+    /// # Errors
+    /// As there, and as for [`PendingSceneUpdate::begin`].
+    pub fn renew(
+        &mut self,
+        scene: &BuiltScene,
+        description: &Scene,
+    ) -> Result<(), SceneBuildError> {
+        self.update.renew(scene, description)?;
+        let needed = |running: &Running| {
+            let next = self.update.next_mesh();
+            next.is_some_and(|(_, mesh)| Arc::ptr_eq(mesh, &running.mesh))
+        };
+        if let Some(running) = self.running.take() {
+            if needed(&running) {
+                self.running = Some(running);
+            } else {
+                running.pending.cancel();
+            }
+        }
+        self.submit_next().map(drop)
+    }
+
+    /// Submits the build of the next mesh, where none is under way. False where no mesh is left.
+    fn submit_next(&mut self) -> Result<bool, SceneBuildError> {
+        if self.running.is_some() {
+            return Ok(true);
+        }
+        let Some((geometry, mesh)) = self.update.next_mesh() else { return Ok(false) };
+        let mesh = Arc::clone(mesh);
+        let options = self.update.options_for_next(&self.options);
+        let submitted = self.submit(&mesh, &options);
+        let (pending, triangles) = submitted.map_err(|error| self.error_of(geometry, error))?;
+        self.running = Some(Running { geometry, mesh, pending, triangles });
+        Ok(true)
+    }
+
+    fn submit(
+        &self,
+        mesh: &GeometryMesh,
+        options: &BuildOptions<'_>,
+    ) -> Result<(PendingBuild, Vec<Triangle>), BuildError> {
+        let mesh = mesh.mesh();
+        let mut triangles = host::room(mesh.len(), CORNERS)?;
+        let pending = self.backend.submit(&Source::Host(mesh), options, true, false)?;
+        // While the device builds.
+        triangles.extend((0..mesh.len()).map(|i| prepare(&mesh.triangle(i)).corners));
+        Ok((pending, triangles))
+    }
+
+    fn error_of(&self, geometry: GeometryId, error: BuildError) -> SceneBuildError {
+        self.update.error_of(geometry, error, &self.options)
+    }
+
+    /// Takes what came of the build under way.
+    fn take(&mut self, built: Result<DeviceBuild, BuildError>) -> Result<(), SceneBuildError> {
+        let Some(Running { geometry, mesh, triangles, .. }) = self.running.take() else {
+            return Ok(());
+        };
+        let built = built.map_err(|error| self.error_of(geometry, error))?;
+        self.update.give(&mesh, Box::new(self.backend.accelerator(built, triangles)));
+        Ok(())
+    }
+
+    /// Looks whether the device is done, and submits the next build when it is done with one; true when all trees are there. Never waits.
+    ///
+    /// # Errors
+    /// What a device or a limit refuses; the next call tries again.
+    pub fn poll(&mut self) -> Result<bool, SceneBuildError> {
+        loop {
+            self.submit_next()?;
+            let Some(running) = &mut self.running else { return Ok(true) };
+            match running.pending.poll() {
+                Ok(None) => return Ok(false),
+                Ok(Some(built)) => self.take(Ok(built))?,
+                Err(error) => self.take(Err(error))?,
+            }
+        }
+    }
+
+    /// Waits until all trees are there.
+    ///
+    /// # Errors
+    /// As for [`PendingSceneUpdate::poll`], and a device that takes longer than its time-out.
+    pub fn wait(&mut self) -> Result<(), SceneBuildError> {
+        loop {
+            self.submit_next()?;
+            let Some(running) = &mut self.running else { return Ok(()) };
+            let built = running.pending.wait();
+            self.take(built)?;
+        }
+    }
+
+    /// As [`PendingSceneUpdate::wait`], without blocking. A future that is dropped leaves the update as it is.
+    ///
+    /// # Errors
+    /// As for [`PendingSceneUpdate::wait`].
+    pub async fn wait_async(&mut self) -> Result<(), SceneBuildError> {
+        loop {
+            self.submit_next()?;
+            let Some(running) = &mut self.running else { return Ok(()) };
+            let built = running.pending.wait_async().await;
+            self.take(built)?;
+        }
+    }
+
+    /// How many trees are there, of how many.
+    pub fn progress(&self) -> Progress {
+        self.update.progress()
+    }
+
+    /// Puts the update in place: see [`PendingUpdate::finish`]. Never waits for a build: while one is under way, it is [`FinishError::NotBuilt`]. All
+    /// geometries are sent again to the buffers that the scene's rays read.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn finish(
+        &mut self,
+        scene: &mut dyn SceneAccelerator,
+        description: &Scene,
+    ) -> Result<UpdateReport, FinishError> {
+        self.update.finish(&self.backend, scene, description, &self.options)
+    }
+
+    /// Cancels it: the next build uses the buffers of the one under way.
+    pub fn cancel(self) {
+        if let Some(running) = self.running {
+            running.pending.cancel();
+        }
+    }
+}

@@ -1,0 +1,92 @@
+//! What baked triangles were before.
+
+use alloc::vec::Vec;
+
+use super::reserve;
+use crate::scene::error::SceneError;
+use crate::scene::hit::{GeometryId, InstanceId, SceneHit};
+
+/// An instance of a group: its triangles lie one after the other.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Part {
+    pub(super) first_triangle: u32,
+    pub(super) instance: InstanceId,
+    pub(super) geometry: GeometryId,
+}
+
+/// A group: where its parts are.
+#[derive(Clone, Copy, Debug)]
+struct Group {
+    instance: InstanceId,
+    geometry: GeometryId,
+    first_part: usize,
+    parts: usize,
+}
+
+/// Tells of triangles of a scene that [`Scene::bake`](crate::scene::Scene::bake) made what they were in the scene before. It takes 12 bytes for each baked instance, and
+/// looks up in the logarithm of their number. It tells nothing of edits made since.
+#[derive(Clone, Debug, Default)]
+pub struct BakedTable {
+    /// By name of the instance.
+    groups: Vec<Group>,
+    /// Group by group, in the order in which they were added.
+    parts: Vec<Part>,
+}
+
+impl BakedTable {
+    pub(super) fn add(
+        &mut self,
+        instance: InstanceId,
+        geometry: GeometryId,
+        parts: Vec<Part>,
+    ) -> Result<(), SceneError> {
+        reserve(&mut self.groups, 1)?;
+        reserve(&mut self.parts, parts.len())?;
+        let group = Group { instance, geometry, first_part: self.parts.len(), parts: parts.len() };
+        let place = self.groups.partition_point(|own| own.instance < instance);
+        self.groups.insert(place, group);
+        self.parts.extend(parts);
+        Ok(())
+    }
+
+    /// The instance of each group in the baked scene and its geometry, in the order of their names.
+    pub fn groups(&self) -> impl Iterator<Item = (InstanceId, GeometryId)> + '_ {
+        self.groups.iter().map(|group| (group.instance, group.geometry))
+    }
+
+    /// The part that a triangle is of; `None` where the instance is not baked.
+    fn part(&self, instance: InstanceId, triangle: u32) -> Option<&Part> {
+        let place = self.groups.binary_search_by_key(&instance, |group| group.instance).ok()?;
+        let Group { first_part, parts, .. } = self.groups[place];
+        let parts = &self.parts[first_part..first_part + parts];
+        // Of parts without triangles the last that begins here has it.
+        let after = parts.partition_point(|part| part.first_triangle <= triangle);
+        parts.get(after.checked_sub(1)?)
+    }
+
+    /// What a triangle of a group's instance was: instance, geometry, and triangle. `None` for instances that are not baked, which are what they were.
+    pub fn original(
+        &self,
+        instance: InstanceId,
+        triangle: u32,
+    ) -> Option<(InstanceId, GeometryId, u32)> {
+        let part = self.part(instance, triangle)?;
+        Some((part.instance, part.geometry, triangle - part.first_triangle))
+    }
+
+    /// A hit in the baked scene as one in the scene before; `t`, `u` and `v` stay. Misses, and hits of what is not baked, are themselves.
+    pub fn original_hit(&self, hit: &SceneHit) -> SceneHit {
+        match self.original(InstanceId(hit.instance), hit.triangle) {
+            Some((instance, geometry, triangle)) => {
+                SceneHit { instance: instance.0, geometry: geometry.0, triangle, ..*hit }
+            }
+            None => *hit,
+        }
+    }
+
+    /// Bytes of the table.
+    pub fn bytes(&self) -> u64 {
+        let groups = self.groups.capacity() * size_of::<Group>();
+        (groups + self.parts.capacity() * size_of::<Part>()) as u64
+    }
+}
