@@ -6,7 +6,9 @@ use splitplane_core::backend::scene::packed::{ALWAYS, MIRRORED, PackedInstance, 
 use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::layout::{SceneBatch, culling_bits};
 use splitplane_core::ray::{Culling, Ray};
-use splitplane_core::scene::{IgnoredTriangle, InstanceId, SceneHit, SceneOptions, TOP_WIDTH};
+use splitplane_core::scene::{
+    GeometryId, IgnoredTriangle, InstanceId, SceneHit, SceneOptions, TOP_WIDTH,
+};
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::objects::{self, Kind};
 
@@ -89,6 +91,65 @@ fn packed_scenes_give_the_hits_of_all_instances() {
         }
     }
     assert!(found > 8_000, "{found}");
+}
+
+/// Opacity masks of all levels, between geometries that have none.
+#[test]
+fn packed_masks_give_the_hits_of_all_instances() {
+    let (mut found, mut without) = (0, 0);
+    for (number, kind) in Kind::ALL.into_iter().enumerate() {
+        let (mut scene, names) = objects::scene(kind, 60, 800 + number as u64);
+        let rays = objects::rays(&scene, 600, 900 + number as u64);
+        let build = BuildOptions::default();
+        let plain = CpuBackend::new().build_scene(&scene, &build).unwrap();
+        objects::mask(&mut scene, 1000 + number as u64);
+        let built = CpuBackend::new().build_scene(&scene, &build).unwrap();
+        let packed = built.scene().packed().unwrap();
+        assert_eq!(packed.references.len(), built.scene().packed_sizes().references);
+        for options in asked(&names) {
+            let all = expected(&*built, &rays, &options);
+            let unmasked = expected(&*plain, &rays, &options);
+            without += (0..rays.len()).filter(|&i| all[i] != unmasked[i]).count();
+            let strict = traced::<Strict>(&packed, &rays, &options);
+            let hostile = traced::<Hostile>(&packed, &rays, &options);
+            for (i, ray) in rays.iter().enumerate() {
+                assert_eq!(strict[i], all[i], "{kind:?} {ray:?} {options:?}");
+                assert_eq!(hostile[i], all[i], "{kind:?} {ray:?} {options:?}");
+            }
+            found += all.iter().filter(|(_, any)| *any).count();
+        }
+        // Another level, another first triangle, another place, and a word of cells.
+        let has_cells = |own: &&PackedInstance| {
+            let geometry = built.scene().geometry(GeometryId(own.sides >> 3)).unwrap();
+            geometry.opacity().is_some_and(|mask| !mask.words().is_empty())
+        };
+        let masked = packed.instances.iter().filter(has_cells);
+        let masks: Vec<usize> = masked.map(|own| own.opacity as usize).collect();
+        let shift = |scene: &mut PackedScene, by: usize, change: fn(&mut u32)| {
+            let mut places = masks.clone();
+            places.sort_unstable();
+            places.dedup();
+            for at in places {
+                change(&mut scene.references[at + by]);
+            }
+        };
+        let options = SceneOptions::default();
+        let all = expected(&*built, &rays, &options);
+        if kind != Kind::Ordinary {
+            continue;
+        }
+        for fault in 0..4 {
+            let mut faulty = packed.clone();
+            match fault {
+                0 => shift(&mut faulty, 0, |level| *level = level.saturating_sub(1)),
+                1 => shift(&mut faulty, 1, |first| *first = first.saturating_sub(1)),
+                2 => each(&mut faulty, |own| own.opacity = 0),
+                _ => shift(&mut faulty, 2, |cells| *cells = !*cells),
+            }
+            assert!(traced::<Strict>(&faulty, &rays, &options) != all, "fault {fault}");
+        }
+    }
+    assert!(found > 4_000 && without > 1_000, "{found} {without}");
 }
 
 /// What is wrong, and what makes it so.

@@ -11,6 +11,7 @@ use splitplane_core::error::{BuildError, DeviceError};
 use splitplane_core::kernel::QueryKernel;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Accuracy, Culling, Ray};
+use splitplane_core::scene::shape::{Shapes, Sphere};
 use splitplane_core::scene::{
     IgnoredTriangle, Instance, InstanceId, OpacityMask, Scene, SceneBuildError, SceneHit,
     SceneOptions, SceneReport, translation,
@@ -326,10 +327,78 @@ fn a_tree_over_instances_may_grow_when_it_is_worn() {
     assert_eq!((own, report.placed_by_cpu), (expected(&*built, &rays, &options), 0));
 }
 
+/// Opacity masks of all levels: hits count in opaque cells, as on the CPU.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn opacity_masks_are_those_of_the_cpu() {
+    let (device, cpu) = (device(), CpuBackend::new());
+    let (scenes, count) = how_many();
+    let (mut found, mut other) = (0, 0);
+    for round in 0..scenes {
+        for (number, kind) in Kind::ALL.into_iter().enumerate() {
+            let seed = 1000 * round + number as u64;
+            let (mut scene, names) = objects::scene(kind, 60, 1800 + seed);
+            let mut rays = objects::rays(&scene, count / 6 * 5, 1900 + seed);
+            rays.extend(odd(&rays[..count / 6]));
+            let build = BuildOptions::default();
+            let plain = cpu.build_scene(&scene, &build).expect("a scene");
+            objects::mask(&mut scene, 2000 + seed);
+            let built = device.build_scene(&scene, &build).expect("a scene");
+            assert_eq!(built.placed_by_cpu(), None);
+            let on_cpu = cpu.build_scene(&scene, &build).expect("a scene");
+            for options in asked(&names) {
+                let (all, _) = answers(&*on_cpu, &rays, &options);
+                let (unmasked, _) = answers(&*plain, &rays, &options);
+                let (own, report) = answers(&*built, &rays, &options);
+                for (i, ray) in rays.iter().enumerate() {
+                    assert_eq!(own[i], all[i], "{kind:?} {ray:?} {options:?}");
+                }
+                assert_eq!(report.placed_by_cpu, 0);
+                assert!(report.geometries.unfinished < rays.len() as u64 / 10, "{report:?}");
+                found += all.iter().filter(|(_, any)| *any).count();
+                other += (0..rays.len()).filter(|&i| all[i] != unmasked[i]).count();
+            }
+        }
+    }
+    println!("{found} hits, {other} rays with other answers than without masks");
+    assert!(found > count * 4 && other > count / 2, "{found} {other}");
+}
+
+/// A mask that comes, changes or goes is sent, with all geometries; what only the description's other parts say is not.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn masks_that_change_are_sent() {
+    let device = device();
+    let (mut scene, names) = objects::scene(Kind::Ordinary, 40, 121);
+    let rays = objects::rays(&scene, 300, 122);
+    let (build, options) = (BuildOptions::default(), SceneOptions::default());
+    let mut built = device.build_scene(&scene, &build).expect("a scene");
+    let hit = |hit: &([u32; 6], bool)| bytemuck::cast::<_, SceneHit>(hit.0);
+    let first = expected(&*built, &rays, &options).iter().map(hit).find(SceneHit::is_hit);
+    let geometry =
+        scene.instance(InstanceId(first.expect("a hit").instance)).expect("one").geometry;
+    let triangles = scene.geometry(geometry).expect("a geometry").mesh().len();
+    let mut seen = Vec::new();
+    for odd in [Some(0), Some(1), None] {
+        let mask = odd.map(|odd| OpacityMask::new(triangles, 4, |own, _| own % 2 == odd));
+        scene.set_opacity(geometry, mask.map(|mask| mask.expect("a mask"))).expect("an edit");
+        let report = device.update_scene(&mut *built, &scene, &build).expect("an update");
+        assert_eq!(report.bytes_sent, built.scene().packed_sizes().bytes().iter().sum::<u64>());
+        let (own, answered) = answers(&*built, &rays, &options);
+        assert_eq!((&own, answered.placed_by_cpu), (&expected(&*built, &rays, &options), 0));
+        seen.push(own);
+        scene.move_instance(names[3], translation([0.25; 3])).expect("an edit");
+        let report = device.update_scene(&mut *built, &scene, &build).expect("an update");
+        assert!(report.bytes_sent < 10_000, "{report:?}");
+        assert_eq!(answers(&*built, &rays, &options).0, expected(&*built, &rays, &options));
+    }
+    assert!(seen[0] != seen[1] && seen[1] != seen[2] && seen[2] != seen[0]);
+}
+
 /// For a scene that only the CPU answers the device is asked for no memory.
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
-fn no_room_is_reserved_for_masks() {
+fn no_room_is_reserved_for_shapes() {
     let device = device();
     let (mut scene, names) = objects::scene(Kind::Ordinary, 40, 121);
     let build = BuildOptions::default();
@@ -345,14 +414,12 @@ fn no_room_is_reserved_for_masks() {
     device.update_scene(&mut *built, &scene, &build).expect("an update");
     assert!((device.gpu().traffic() - before).buffers > 0, "instances need more room");
     grow(&mut scene);
-    let geometry = scene.instance(names[0]).expect("an instance").geometry;
-    let triangles = scene.geometry(geometry).expect("a geometry").mesh().len();
-    let mask = OpacityMask::new(triangles, 0, |triangle, _| triangle % 2 == 0).expect("a mask");
-    scene.set_opacity(geometry, Some(mask)).expect("an edit");
+    let ball = Sphere { centre: [0.0; 3], radius: 1.0 };
+    scene.add_shapes(Shapes::Spheres(vec![ball])).expect("a geometry");
     let before = device.gpu().traffic();
     device.update_scene(&mut *built, &scene, &build).expect("an update");
     assert_eq!((device.gpu().traffic() - before).buffers, 0);
-    assert_eq!(built.placed_by_cpu(), Some("a geometry has an opacity mask"));
+    assert_eq!(built.placed_by_cpu(), Some("a geometry is made of shapes"));
 }
 
 /// Rays enter more instances than one submission has waves for, and each is counted; with so many hits that they are not
@@ -401,6 +468,13 @@ fn source_of(kernel: QueryKernel) -> String {
     shader.expect("a shader").source()
 }
 
+/// The kernels of waves, without masks (0) and with them (1).
+fn waves() -> Vec<(usize, QueryKernel)> {
+    let masked =
+        QueryKernel::MASKED_WAVE.into_iter().filter(|own| !QueryKernel::WAVE.contains(own));
+    QueryKernel::WAVE.map(|own| (0, own)).into_iter().chain(masked.map(|own| (1, own))).collect()
+}
+
 /// Drivers that do what WGSL lets them do give the same hits: each kernel, rewritten as such a driver has it.
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
@@ -411,12 +485,17 @@ fn hits_on_drivers_that_round_badly() {
         let rays = objects::rays(&scene, 400, 82);
         let built = cpu.build_scene(&scene, &BuildOptions::default()).expect("a scene");
         let all = expected(&*built, &rays, &SceneOptions::default());
-        (kind, scene, rays, all)
+        let (mut masked, _) = objects::scene(kind, 40, 81);
+        objects::mask(&mut masked, 83);
+        let built = cpu.build_scene(&masked, &BuildOptions::default()).expect("a scene");
+        let opaque = expected(&*built, &rays, &SceneOptions::default());
+        assert!(opaque != all);
+        [(kind, scene, rays.clone(), all), (kind, masked, rays, opaque)]
     });
     for driver in hostile::ALLOWED {
-        for kernel in QueryKernel::WAVE {
+        for (case, kernel) in waves() {
             let on = built_on(kernel, driver.compiled(&source_of(kernel)));
-            for (kind, scene, rays, all) in &cases {
+            for (kind, scene, rays, all) in cases.iter().map(|cases| &cases[case]) {
                 let (own, report) = answers(&*on(scene), rays, &SceneOptions::default());
                 let place = format!("{}, {kernel:?}, {kind:?}", driver.name);
                 assert!(own == *all, "{place}");
@@ -431,7 +510,10 @@ fn hits_on_drivers_that_round_badly() {
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn planted_faults_are_found() {
-    use QueryKernel::{EnterInstances, TraceInstances, TraceInstancesRetry};
+    use QueryKernel::{
+        EnterInstances, TraceInstances, TraceInstancesMasked, TraceInstancesMaskedRetry,
+        TraceInstancesRetry,
+    };
     let faults = [
         (TraceInstances, "ties", "instance < best.instance ||", "instance > best.instance ||"),
         (TraceInstances, "order", "hit.t < best.t ||", "hit.t > best.t ||"),
@@ -459,12 +541,40 @@ fn planted_faults_are_found() {
         (EnterInstances, "stops", "out.stop = sum(t_max, ", "out.stop = difference(t_max, "),
         (EnterInstances, "rests", "if rest != 0u", "if rest > 15u"),
         (EnterInstances, "boxes that do not count", "(child & TOP_ALWAYS) == 0u", "true"),
+        (TraceInstancesMasked, "cells", "|| !is_opaque(triangle, candidate.weights)", ""),
+        (TraceInstancesMasked, "levels", "let bits = 2u * level;", "let bits = 2u * level + 1u;"),
+        (TraceInstancesMasked, "upper cells", ">= 1.0;", ">= 2.0;"),
+        (
+            TraceInstancesMasked,
+            "last cells",
+            "2u * (edge - row) - 2u);",
+            "2u * (edge - row) - 3u);",
+        ),
+        (TraceInstancesMasked, "rows", "row * (2u * edge - row)", "row * (2u * edge - row - 1u)"),
+        (
+            TraceInstancesMasked,
+            "own triangles",
+            "leaf_references[mask + 1u]",
+            "(leaf_references[mask + 1u] ^ 1u)",
+        ),
+        (TraceInstancesMasked, "words", "(cell >> 5u), bits > 5u)", "(cell >> 6u), bits > 5u)"),
+        (TraceInstancesMasked, "no mask", "if mask == 0u", "if mask == 1u"),
+        (
+            TraceInstancesMaskedRetry,
+            "cells of retries",
+            "|| !is_opaque(triangle, candidate.weights)",
+            "",
+        ),
     ];
     let cpu = CpuBackend::new();
-    let cases = [Kind::Ordinary, Kind::IllConditioned, Kind::Coincident, Kind::Wide].map(|kind| {
-        let (scene, names) = objects::scene(kind, 60, 71);
+    let kinds = [Kind::Ordinary, Kind::IllConditioned, Kind::Coincident, Kind::Wide];
+    let case = |kind, masked| {
+        let (mut scene, names) = objects::scene(kind, 60, 71);
         let mut rays = objects::rays(&scene, 900, 72);
         rays.extend(odd(&rays[..90]));
+        if masked {
+            objects::mask(&mut scene, 73);
+        }
         let built = cpu.build_scene(&scene, &BuildOptions::default()).expect("a scene");
         let mut options = asked(&names);
         // One that is hit.
@@ -477,14 +587,16 @@ fn planted_faults_are_found() {
         options[3] = SceneOptions { ignore, ..options[0] };
         let all = options.map(|options| expected(&*built, &rays, &options));
         (scene, rays, options, all)
-    });
+    };
+    let cases = [false, true].map(|masked| kinds.map(|kind| case(kind, masked)));
     let mut never = Vec::new();
     for (kernel, what, from, to) in faults {
         let source = source_of(kernel);
         let faulty = source.replace(from, to) + "\nfn p_z(d: vec3<f32>) -> f32 { return d.y; }\n";
         assert!(source.contains(from), "{what}: {from}");
         let on = built_on(kernel, faulty);
-        let is_found = cases.iter().any(|(scene, rays, options, all)| {
+        let masked = !QueryKernel::WAVE.contains(&kernel);
+        let is_found = cases[usize::from(masked)].iter().any(|(scene, rays, options, all)| {
             let built = on(scene);
             (0..all.len()).any(|i| answers(&*built, rays, &options[i]).0 != all[i])
         });

@@ -58,6 +58,7 @@ fn scene_of(instance: u32) -> Scene {
 fn trace_entered(index: u32, instance: u32) -> bool {
     opaque_zero = scene_batch.zero;
     scene = scene_of(instance);
+    entered = instance;
     // Mask, sides, root and first triangle.
     let asked = instances[8u * instance + 3u];
     let sides = (asked.y | scene_batch.culling) & 3u;

@@ -3,7 +3,7 @@
 
 // Two words a node, as in core/src/tree/node.rs; children by their places among all nodes.
 @group(0) @binding(0) var<storage, read> nodes: array<vec2<u32>>;
-// Triangle indices among all triangles, named by leaves.
+// Triangle indices among all triangles, named by leaves; and opacity masks.
 @group(0) @binding(1) var<storage, read> leaf_references: array<u32>;
 // Snapped corners, nine numbers a triangle.
 @group(0) @binding(2) var<storage, read> triangles: array<f32>;
@@ -19,3 +19,5 @@
 
 // What queries know of the geometry that the ray is in.
 var<private> scene: Scene;
+// The instance that it is in.
+var<private> entered: u32;

@@ -168,7 +168,7 @@ mod tests {
                 assert!(!RayQueries::text(kernel, &QueryVariant::default()).parts.is_empty());
             }
         }
-        for kernel in QueryKernel::WAVE {
+        for kernel in QueryKernel::WAVE.into_iter().chain(QueryKernel::MASKED_WAVE) {
             assert!(!RayQueries::text(kernel, &QueryVariant::default()).parts.is_empty());
         }
         assert_eq!(splitplane_shaders::QUERIES.len(), 23);

@@ -133,6 +133,14 @@ kernel_set! {
         TraceInstancesRetry "trace_instances_retry", Few(Rays, 64) =>
             reads Nodes, reads LeafReferences, reads Triangles, reads Instances,
             reads Rays, updates SceneHits, uniform SceneBatch, reads Deferred, reads Ways;
+        /// As `trace_instances`, where a geometry has an opacity mask: hits count in cells that are opaque.
+        TraceInstancesMasked "trace_instances_masked", Invocations(Rays, 64) =>
+            reads Nodes, reads LeafReferences, reads Triangles, reads Instances,
+            reads Rays, updates SceneHits, uniform SceneBatch, updates Deferred, reads Ways;
+        /// The same of every ray that the kernel before deferred.
+        TraceInstancesMaskedRetry "trace_instances_masked_retry", Few(Rays, 64) =>
+            reads Nodes, reads LeafReferences, reads Triangles, reads Instances,
+            reads Rays, updates SceneHits, uniform SceneBatch, reads Deferred, reads Ways;
         /// The range of coordinates and sizes of the triangles.
         TriangleLimits "triangle_limits", Invocations(Triangles, 256) =>
             reads Triangles, uniform TriangleCount, updates Limits;
@@ -174,6 +182,13 @@ impl QueryKernel {
         QueryKernel::EnterInstances,
         QueryKernel::TraceInstances,
         QueryKernel::TraceInstancesRetry,
+    ];
+
+    /// The same for a scene in which a geometry has an opacity mask.
+    pub const MASKED_WAVE: [QueryKernel; 3] = [
+        QueryKernel::EnterInstances,
+        QueryKernel::TraceInstancesMasked,
+        QueryKernel::TraceInstancesMaskedRetry,
     ];
 
     /// Bytes of the list of deferred rays of a batch: a number, and for each an index and what is left of its walk.

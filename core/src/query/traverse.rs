@@ -274,7 +274,7 @@ impl Best {
         clippy::too_many_arguments,
         reason = "what a leaf's test needs of a traversal, each part on its own"
     )]
-    fn test_kept<A: Arithmetic, O: Observer>(
+    pub(crate) fn test_kept<A: Arithmetic, O: Observer>(
         &mut self,
         ray: &PreparedRay,
         triangles: &(impl Triangles + ?Sized),

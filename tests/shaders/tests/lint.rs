@@ -245,6 +245,8 @@ fn only_those_that_trace_rays_may_be_free() {
             "enter_instances",
             "trace_instances",
             "trace_instances_retry",
+            "trace_instances_masked",
+            "trace_instances_masked_retry",
             "first_costs",
             "closest_hits",
             "shadow_hits",

@@ -2,7 +2,9 @@
 
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Culling, Ray};
-use splitplane_core::scene::{GeometryId, IDENTITY, Instance, InstanceId, Scene, Transform};
+use splitplane_core::scene::{
+    GeometryId, IDENTITY, Instance, InstanceId, OpacityMask, Scene, Transform,
+};
 
 use crate::random::Random;
 use crate::scenes;
@@ -145,6 +147,19 @@ pub fn scene(kind: Kind, instances: usize, seed: u64) -> (Scene, Vec<InstanceId>
         }
     }
     (scene, all)
+}
+
+/// Gives every geometry but one an opacity mask, of levels from 0 on, about half of whose cells are opaque.
+pub fn mask(scene: &mut Scene, seed: u64) {
+    let mut random = Random::new(seed);
+    let sizes: Vec<(GeometryId, usize)> =
+        scene.geometries().map(|(name, own)| (name, own.mesh().len())).collect();
+    for (number, (name, triangles)) in sizes.into_iter().enumerate().skip(1) {
+        let level = number as u32 - 1;
+        let is_opaque = |_, _| random.below(2) == 0;
+        let mask = OpacityMask::new(triangles, level, is_opaque).expect("a mask");
+        scene.set_opacity(name, Some(mask)).expect("an edit");
+    }
 }
 
 /// A point of the world from the object's, in `f64`.

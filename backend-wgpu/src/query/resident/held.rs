@@ -38,6 +38,8 @@ pub(super) struct HeldScene {
     instances: Vec<PackedInstance>,
     /// Words of a ray's way.
     pub(super) way: u32,
+    /// Whether a geometry has an opacity mask.
+    pub(super) masked: bool,
 }
 
 /// The limit that a scene of this size exceeds, if it does.
@@ -118,7 +120,8 @@ impl HeldScene {
             Ok(())
         })?;
         let sent = parts.iter().map(|bytes| bytes.len() as u64).sum();
-        Ok((HeldScene { buffers, box_nodes, instances, way: way(scene) }, sent))
+        let (way, masked) = (way(scene), scene.has_opacity());
+        Ok((HeldScene { buffers, box_nodes, instances, way, masked }, sent))
     }
 
     /// Sends what changed of instances, and of the tree over them. The geometries are those that were sent.
@@ -149,6 +152,7 @@ impl HeldScene {
             box_nodes: packed.box_nodes,
             instances: packed.instances,
             way: way(scene),
+            masked: scene.has_opacity(),
         };
         Ok(sent)
     }

@@ -271,7 +271,8 @@ impl Waves<'_> {
             })),
         };
         let variant = QueryVariant { test: TriangleTest::Watertight, by_halves: false };
-        for kernel in QueryKernel::WAVE {
+        let kernels = if self.scene.masked { QueryKernel::MASKED_WAVE } else { QueryKernel::WAVE };
+        for kernel in kernels {
             let gpu = self.queries.gpu();
             once::record(gpu, &self.queries.pipelines, encoder, (kernel, &variant), count, find)?;
         }

@@ -177,7 +177,7 @@ impl BuiltScene {
 
     /// What of the scene a packed form does not have, so that only the host answers its rays; `None` for nothing.
     pub fn host_only(&self) -> Option<&'static str> {
-        host_only(self.masked, self.geometries().any(|(_, own)| own.shapes().is_some()))
+        host_only(self.geometries().any(|(_, own)| own.shapes().is_some()))
     }
 
     /// All geometries, in the order of their names.
@@ -213,9 +213,6 @@ impl BuiltScene {
 }
 
 /// Why only the host answers the rays of a scene like this.
-pub(super) fn host_only(masked: bool, has_shapes: bool) -> Option<&'static str> {
-    if masked {
-        return Some("a geometry has an opacity mask");
-    }
+pub(super) fn host_only(has_shapes: bool) -> Option<&'static str> {
     has_shapes.then_some("a geometry is made of shapes")
 }

@@ -186,20 +186,25 @@ impl BuiltScene {
     /// What the scene is going to be.
     fn becoming(&self, scene: &Scene, plan: &Plan, rebuilt: Option<&TopTree>) -> Becoming {
         let planned = |name| plan.geometries.binary_search_by_key(&name, |&(name, _)| name).is_ok();
-        let kept = || self.geometries().filter(|(name, _)| !planned(*name)).map(|(_, own)| own);
-        let new = plan.geometries.iter().filter_map(|(_, geometry)| geometry.as_ref());
+        let kept = || self.geometries().filter(|(name, _)| !planned(*name));
+        let new = plan.geometries.iter().filter_map(|(name, own)| Some((*name, own.as_ref()?)));
+        let opacity = |name| scene.opacity(name).ok().flatten();
+        let remasked = |(name, own): (_, &BuiltGeometry)| {
+            own.opacity.as_ref().map(Arc::as_ptr) != opacity(name).map(Arc::as_ptr)
+        };
         let sizes = PackedSizes {
             top_nodes: rebuilt.unwrap_or(&self.top).nodes().len(),
             instances: self.placements.len(),
             ..PackedSizes::default()
         };
-        let held = self.bytes() + new.clone().map(BuiltGeometry::bytes).sum::<u64>();
-        let has_shapes = kept().chain(new.clone()).any(|own| own.shapes().is_some());
-        let masked = scene.geometries().any(|(name, _)| matches!(scene.opacity(name), Ok(Some(_))));
+        let held = self.bytes() + new.clone().map(|(_, own)| own.bytes()).sum::<u64>();
+        let has_shapes = kept().chain(new.clone()).any(|(_, own)| own.shapes().is_some());
         Becoming {
-            host_only: host_only(masked, has_shapes),
-            sizes: kept().chain(new).fold(sizes, PackedSizes::and),
-            geometries_change: !plan.geometries.is_empty(),
+            host_only: host_only(has_shapes),
+            geometries_change: !plan.geometries.is_empty() || kept().any(remasked),
+            sizes: kept().chain(new).fold(sizes, |sizes, (name, own)| {
+                sizes.and(own, opacity(name).map(|mask| &**mask))
+            }),
             held,
         }
     }

@@ -68,8 +68,8 @@ pub struct PackedInstance {
     pub wide: u32,
     /// Lower corner of the box in which an origin is not far.
     pub near_lo: [f32; 3],
-    /// Nothing.
-    pub padding: u32,
+    /// Where among all references the geometry's opacity mask begins; 0 for none. See [`PackedScene::references`].
+    pub opacity: u32,
     /// Upper corner of the box in which an origin is not far.
     pub near_hi: [f32; 3],
     /// The value for which origin coordinates next to 0 are taken.
@@ -88,7 +88,8 @@ pub struct PackedScene {
     pub instances: Vec<PackedInstance>,
     /// The nodes of all geometries.
     pub nodes: Vec<KdNode>,
-    /// The references of all geometries.
+    /// The references of all geometries, each geometry's opacity mask right behind its own: the level, the geometry's first
+    /// triangle among all triangles, and the words of the cells. A mask lies here since devices bind few buffers.
     pub references: Vec<u32>,
     /// The snapped corners of all geometries.
     pub triangles: Vec<Triangle>,

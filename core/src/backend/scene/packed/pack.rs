@@ -8,7 +8,7 @@ use super::{
 };
 use crate::backend::scene::built::{BuiltGeometry, BuiltScene};
 use crate::layout::{SceneUniform, culling_bits};
-use crate::scene::{GeometryId, InstanceId, Placement, TOP_NONE, TOP_WIDTH, TopNode};
+use crate::scene::{GeometryId, InstanceId, OpacityMask, Placement, TOP_NONE, TOP_WIDTH, TopNode};
 use crate::tree::node::{KdNode, NodeKind};
 use crate::triangle::prepare;
 
@@ -43,7 +43,7 @@ pub struct PackedSizes {
     pub instances: usize,
     /// Nodes of all geometries.
     pub nodes: usize,
-    /// References of all geometries.
+    /// References of all geometries, and the words of their opacity masks, which lie among them.
     pub references: usize,
     /// Triangles of all geometries, those dropped included.
     pub triangles: usize,
@@ -61,12 +61,17 @@ impl PackedSizes {
         ]
     }
 
-    /// With a geometry more.
+    /// With a geometry more, which has this opacity mask.
     #[must_use]
-    pub(in crate::backend::scene) fn and(mut self, geometry: &BuiltGeometry) -> PackedSizes {
+    pub(in crate::backend::scene) fn and(
+        mut self,
+        geometry: &BuiltGeometry,
+        opacity: Option<&OpacityMask>,
+    ) -> PackedSizes {
         let tree = geometry.accelerator.tree();
         self.nodes += tree.nodes.len();
-        self.references += tree.references.len();
+        self.references +=
+            tree.references.len() + opacity.map_or(0, |mask| OPACITY_HEAD + mask.words().len());
         self.triangles += tree.triangles as usize;
         self
     }
@@ -88,6 +93,9 @@ impl PackedSizes {
     }
 }
 
+/// Words of a packed opacity mask before those of its cells: its level, and the first triangle.
+pub(super) const OPACITY_HEAD: usize = 2;
+
 /// Where the geometries of a scene lie in the shared arrays, by name: the first node, reference and triangle.
 type Places = Vec<[u32; 3]>;
 
@@ -99,7 +107,7 @@ impl BuiltScene {
             instances: self.placements.len(),
             ..PackedSizes::default()
         };
-        self.geometries().fold(own, |sizes, (_, geometry)| sizes.and(geometry))
+        self.geometries().fold(own, |sizes, (_, geometry)| sizes.and(geometry, geometry.opacity()))
     }
 
     /// The whole scene as a device holds it.
@@ -154,7 +162,7 @@ impl BuiltScene {
         for geometry in &self.geometries {
             places.push([next.nodes, next.references, next.triangles].map(|at| at as u32));
             if let Some(geometry) = geometry {
-                next = next.and(geometry);
+                next = next.and(geometry, geometry.opacity());
             }
         }
         Some(places)
@@ -163,7 +171,8 @@ impl BuiltScene {
     fn packed_instance(&self, own: &Placement, places: &Places) -> Option<PackedInstance> {
         let name: GeometryId = own.instance.geometry;
         let geometry = self.geometry(name)?;
-        let [root, _, first_triangle] = *places.get(name.0 as usize)?;
+        let [root, reference, first_triangle] = *places.get(name.0 as usize)?;
+        let behind = reference + geometry.accelerator.tree().references.len() as u32;
         let scale = SceneUniform::from(geometry.scale());
         let mirrored = if own.space.mirrored { MIRRORED } else { 0 };
         Some(PackedInstance {
@@ -177,7 +186,8 @@ impl BuiltScene {
             hi: scale.hi,
             wide: scale.wide,
             near_lo: scale.near_lo,
-            padding: 0,
+            // Behind references: a geometry without any has no hits.
+            opacity: geometry.opacity().map_or(0, |_| behind),
             near_hi: scale.near_hi,
             origin_least: scale.origin_least,
         })
@@ -196,7 +206,7 @@ const NOWHERE: PackedInstance = PackedInstance {
     hi: [0.0; 3],
     wide: 0,
     near_lo: [0.0; 3],
-    padding: 0,
+    opacity: 0,
     near_hi: [0.0; 3],
     origin_least: 0.0,
 };
@@ -212,6 +222,10 @@ impl PackedScene {
             NodeKind::Leaf { first, count } => KdNode::leaf(reference + first, count),
         }));
         self.references.extend(tree.references.iter().map(|own| triangle + own));
+        if let Some(mask) = geometry.opacity() {
+            self.references.extend([mask.level(), triangle]);
+            self.references.extend(mask.words());
+        }
         let mesh = geometry.mesh.mesh();
         self.triangles.extend((0..mesh.len()).map(|own| prepare(&mesh.triangle(own)).corners));
     }

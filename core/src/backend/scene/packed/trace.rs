@@ -3,6 +3,7 @@
 
 use core::cmp::min;
 
+use super::pack::OPACITY_HEAD;
 use super::{ALWAYS, BOX_COORDINATE_MOST, MIRRORED, PackedInstance, PackedScene, PackedTopNode};
 use crate::aabb::{Aabb, max};
 use crate::arithmetic::{Arithmetic, ordered_bits, snap};
@@ -13,7 +14,7 @@ use crate::query::walk::{Leaf, walk_from};
 use crate::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
 use crate::scene::{
     GeometryId, InstanceId, ObjectSpace, SceneHit, TOP_INSTANCE, TOP_NONE, TOP_WIDTH, TopRay,
-    WIDEST_STACK,
+    WIDEST_STACK, opacity_cell,
 };
 use crate::triangle::Triangle;
 
@@ -233,12 +234,26 @@ impl PackedScene {
         walk_from(&self.nodes, own.root, &inner, interval, &mut |leaf: Leaf<f32>| {
             let Leaf { first, count, .. } = leaf;
             let tested = &self.references[first as usize..][..count as usize];
-            found.test::<A, ()>(&seen, self, tested, options, query, &mut ())
+            found.test_kept::<A, ()>(&seen, self, tested, options, query, &mut (), &mut |hit| {
+                self.is_opaque::<A>(own.opacity, hit)
+            })
         });
         let mut hit = found.hit;
         if hit.is_hit() {
             hit.triangle -= own.first_triangle;
         }
         SceneHit::of(&hit, GeometryId(own.sides >> 3), InstanceId(name))
+    }
+
+    /// Whether a hit counts, with a triangle among all triangles, where the geometry's opacity mask begins there.
+    fn is_opaque<A: Arithmetic>(&self, opacity: u32, hit: &Hit) -> bool {
+        if opacity == 0 {
+            return true;
+        }
+        let mask = &self.references[opacity as usize..];
+        let (level, own) = (mask[0], hit.triangle - mask[1]);
+        let cell =
+            u64::from(own) << (2 * level) | u64::from(opacity_cell::<A>(level, hit.u, hit.v));
+        mask[OPACITY_HEAD + (cell / 32) as usize] >> (cell % 32) & 1 != 0
     }
 }
