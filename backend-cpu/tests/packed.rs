@@ -93,6 +93,56 @@ fn packed_scenes_give_the_hits_of_all_instances() {
     assert!(found > 8_000, "{found}");
 }
 
+/// Spheres and capsules, among meshes.
+#[test]
+fn packed_shapes_give_the_hits_of_all_instances() {
+    let mut round = 0;
+    for (number, kind) in Kind::ALL.into_iter().enumerate() {
+        let (mut scene, names) = objects::scene(kind, 60, 1100 + number as u64);
+        let meshes = scene.geometries().count() as u32;
+        let rays = objects::rays(&scene, 900, 1200 + number as u64);
+        objects::add_shapes(&mut scene, &names, 1300 + number as u64);
+        let built = CpuBackend::new().build_scene(&scene, &BuildOptions::default()).unwrap();
+        let packed = built.scene().packed().unwrap();
+        assert_eq!(packed.shapes.len(), built.scene().packed_sizes().shapes);
+        let mut options = asked(&names);
+        options[3].ignore = Some(IgnoredTriangle { instance: names[0], triangle: 2 });
+        for options in &options {
+            let all = expected(&*built, &rays, options);
+            let strict = traced::<Strict>(&packed, &rays, options);
+            let hostile = traced::<Hostile>(&packed, &rays, options);
+            for (i, ray) in rays.iter().enumerate() {
+                assert_eq!(strict[i], all[i], "{kind:?} {ray:?} {options:?}");
+                assert_eq!(hostile[i], all[i], "{kind:?} {ray:?} {options:?}");
+            }
+            round += all.iter().filter(|(hit, any)| *any && hit[4] >= meshes).count();
+        }
+        if kind != Kind::Ordinary {
+            continue;
+        }
+        let all = expected(&*built, &rays, &options[0]);
+        for fault in 0..3 {
+            let mut faulty = packed.clone();
+            match fault {
+                0 => each(&mut faulty, |own| own.opacity = 0),
+                1 => each(&mut faulty, |own| own.first_triangle += u32::from(own.opacity != 0)),
+                _ => faulty.shapes.iter_mut().flatten().for_each(|word| *word ^= 1),
+            }
+            if fault == 1 {
+                faulty.shapes.push([0; 64]);
+            }
+            if fault == 2 {
+                // Children of nodes stay.
+                for (block, whole) in faulty.shapes.iter_mut().zip(&packed.shapes) {
+                    block[56..].copy_from_slice(&whole[56..]);
+                }
+            }
+            assert!(traced::<Strict>(&faulty, &rays, &options[0]) != all, "fault {fault}");
+        }
+    }
+    assert!(round > 400, "{round}");
+}
+
 /// Opacity masks of all levels, between geometries that have none.
 #[test]
 fn packed_masks_give_the_hits_of_all_instances() {

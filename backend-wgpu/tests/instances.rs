@@ -83,7 +83,7 @@ fn a_device_finds_the_cpus_hits_and_stays_up_to_date() {
     }
     assert!(found > 3000, "{found}");
 
-    // Spheres are answered for it by the CPU; it calls no functions of the host's.
+    // Spheres it knows; it calls no functions of the host's.
     let (mut scene, _) = objects::scene(Kind::Ordinary, 10, 74);
     let ball = Sphere { centre: [0.0; 3], radius: 1.5 };
     let balls = scene.add_shapes(Shapes::Spheres(vec![ball])).expect("a geometry");

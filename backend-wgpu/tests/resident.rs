@@ -11,7 +11,6 @@ use splitplane_core::error::{BuildError, DeviceError};
 use splitplane_core::kernel::QueryKernel;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Accuracy, Culling, Ray};
-use splitplane_core::scene::shape::{Shapes, Sphere};
 use splitplane_core::scene::{
     IgnoredTriangle, Instance, InstanceId, OpacityMask, Scene, SceneBuildError, SceneHit,
     SceneOptions, SceneReport, translation,
@@ -395,31 +394,74 @@ fn masks_that_change_are_sent() {
     assert!(seen[0] != seen[1] && seen[1] != seen[2] && seen[2] != seen[0]);
 }
 
-/// For a scene that only the CPU answers the device is asked for no memory.
+/// Spheres and capsules among meshes, with opacity masks and without: the CPU's hits.
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
-fn no_room_is_reserved_for_shapes() {
+fn shapes_are_hit_as_on_the_cpu() {
+    let (device, cpu) = (device(), CpuBackend::new());
+    let (scenes, count) = how_many();
+    let mut round_hits = 0;
+    for round in 0..scenes {
+        for (number, kind) in Kind::ALL.into_iter().enumerate() {
+            let seed = 1000 * round + number as u64;
+            let (mut scene, names) = objects::scene(kind, 60, 2800 + seed);
+            let meshes = scene.geometries().count() as u32;
+            let mut rays = objects::rays(&scene, count / 6 * 5, 2900 + seed);
+            rays.extend(odd(&rays[..count / 6]));
+            if number % 2 == 1 {
+                objects::mask(&mut scene, 3000 + seed);
+            }
+            objects::add_shapes(&mut scene, &names, 3100 + seed);
+            let build = BuildOptions::default();
+            let built = device.build_scene(&scene, &build).expect("a scene");
+            assert_eq!(built.placed_by_cpu(), None);
+            let on_cpu = cpu.build_scene(&scene, &build).expect("a scene");
+            let mut all_options = asked(&names);
+            all_options[3].ignore = Some(IgnoredTriangle { instance: names[0], triangle: 2 });
+            for options in all_options {
+                let (all, _) = answers(&*on_cpu, &rays, &options);
+                let (own, report) = answers(&*built, &rays, &options);
+                for (i, ray) in rays.iter().enumerate() {
+                    assert_eq!(own[i], all[i], "{kind:?} {ray:?} {options:?}");
+                }
+                assert_eq!(report.placed_by_cpu, 0);
+                assert!(report.geometries.unfinished < rays.len() as u64 / 10, "{report:?}");
+                round_hits += all.iter().filter(|(hit, any)| *any && hit[4] >= meshes).count();
+            }
+        }
+    }
+    println!("{round_hits} hits with shapes");
+    assert!(round_hits > count / 2, "{round_hits}");
+}
+
+/// Shapes that come, move and go.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn shapes_come_and_go() {
     let device = device();
     let (mut scene, names) = objects::scene(Kind::Ordinary, 40, 121);
-    let build = BuildOptions::default();
+    let rays = objects::rays(&scene, 300, 122);
+    let (build, options) = (BuildOptions::default(), SceneOptions::default());
     let mut built = device.build_scene(&scene, &build).expect("a scene");
-    let grow = |scene: &mut Scene| {
-        for i in 0..300 {
-            let instance = *scene.instance(names[i % 40]).expect("an instance");
-            scene.add_instance(instance).expect("an instance");
-        }
+    let same = |built: &dyn SceneAccelerator| {
+        let (own, report) = answers(built, &rays, &options);
+        assert_eq!((own, report.placed_by_cpu), (expected(built, &rays, &options), 0));
     };
-    grow(&mut scene);
-    let before = device.gpu().traffic();
+    let meshes: Vec<Instance> =
+        names.iter().map(|name| *scene.instance(*name).expect("an instance")).collect();
+    objects::add_shapes(&mut scene, &names, 123);
+    let report = device.update_scene(&mut *built, &scene, &build).expect("an update");
+    assert_eq!(report.bytes_sent, built.scene().packed_sizes().bytes().iter().sum::<u64>());
+    same(&*built);
+    scene.move_instance(names[3], translation([0.25; 3])).expect("an edit");
+    let report = device.update_scene(&mut *built, &scene, &build).expect("an update");
+    assert!(report.bytes_sent < 10_000, "{report:?}");
+    same(&*built);
+    for (name, own) in names.iter().zip(meshes) {
+        scene.set_instance(*name, own).expect("an edit");
+    }
     device.update_scene(&mut *built, &scene, &build).expect("an update");
-    assert!((device.gpu().traffic() - before).buffers > 0, "instances need more room");
-    grow(&mut scene);
-    let ball = Sphere { centre: [0.0; 3], radius: 1.0 };
-    scene.add_shapes(Shapes::Spheres(vec![ball])).expect("a geometry");
-    let before = device.gpu().traffic();
-    device.update_scene(&mut *built, &scene, &build).expect("an update");
-    assert_eq!((device.gpu().traffic() - before).buffers, 0);
-    assert_eq!(built.placed_by_cpu(), Some("a geometry is made of shapes"));
+    same(&*built);
 }
 
 /// Rays enter more instances than one submission has waves for, and each is counted; with so many hits that they are not
@@ -468,11 +510,16 @@ fn source_of(kernel: QueryKernel) -> String {
     shader.expect("a shader").source()
 }
 
-/// The kernels of waves, without masks (0) and with them (1).
+/// The kernels of waves, without masks (0), with them (1), and with shapes (2).
 fn waves() -> Vec<(usize, QueryKernel)> {
     let masked =
         QueryKernel::MASKED_WAVE.into_iter().filter(|own| !QueryKernel::WAVE.contains(own));
-    QueryKernel::WAVE.map(|own| (0, own)).into_iter().chain(masked.map(|own| (1, own))).collect()
+    QueryKernel::WAVE
+        .map(|own| (0, own))
+        .into_iter()
+        .chain(masked.map(|own| (1, own)))
+        .chain([(2, QueryKernel::TraceShapes)])
+        .collect()
 }
 
 /// Drivers that do what WGSL lets them do give the same hits: each kernel, rewritten as such a driver has it.
@@ -490,7 +537,17 @@ fn hits_on_drivers_that_round_badly() {
         let built = cpu.build_scene(&masked, &BuildOptions::default()).expect("a scene");
         let opaque = expected(&*built, &rays, &SceneOptions::default());
         assert!(opaque != all);
-        [(kind, scene, rays.clone(), all), (kind, masked, rays, opaque)]
+        let (mut round, names) = objects::scene(kind, 40, 81);
+        objects::add_shapes(&mut round, &names, 84);
+        let built = cpu.build_scene(&round, &BuildOptions::default()).expect("a scene");
+        let shapes = expected(&*built, &rays, &SceneOptions::default());
+        assert!(shapes != all);
+        let again = rays.clone();
+        [
+            (kind, scene, rays.clone(), all),
+            (kind, masked, rays, opaque),
+            (kind, round, again, shapes),
+        ]
     });
     for driver in hostile::ALLOWED {
         for (case, kernel) in waves() {
@@ -511,8 +568,8 @@ fn hits_on_drivers_that_round_badly() {
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn planted_faults_are_found() {
     use QueryKernel::{
-        EnterInstances, TraceInstances, TraceInstancesMasked, TraceInstancesMaskedRetry,
-        TraceInstancesRetry,
+        EnterInstances, TraceInstances, TraceInstancesMasked, TraceInstancesRetry,
+        TraceInstancesRetryMasked, TraceShapes,
     };
     let faults = [
         (TraceInstances, "ties", "instance < best.instance ||", "instance > best.instance ||"),
@@ -560,7 +617,7 @@ fn planted_faults_are_found() {
         (TraceInstancesMasked, "words", "(cell >> 5u), bits > 5u)", "(cell >> 6u), bits > 5u)"),
         (TraceInstancesMasked, "no mask", "if mask == 0u", "if mask == 1u"),
         (
-            TraceInstancesMaskedRetry,
+            TraceInstancesRetryMasked,
             "cells of retries",
             "|| !is_opaque(triangle, candidate.weights)",
             "",
@@ -568,19 +625,23 @@ fn planted_faults_are_found() {
     ];
     let cpu = CpuBackend::new();
     let kinds = [Kind::Ordinary, Kind::IllConditioned, Kind::Coincident, Kind::Wide];
-    let case = |kind, masked| {
+    let case = |kind, which: usize| {
         let (mut scene, names) = objects::scene(kind, 60, 71);
         let mut rays = objects::rays(&scene, 900, 72);
         rays.extend(odd(&rays[..90]));
-        if masked {
-            objects::mask(&mut scene, 73);
+        let meshes = scene.geometries().count() as u32;
+        match which {
+            0 => {}
+            1 => objects::mask(&mut scene, 73),
+            _ => objects::add_shapes(&mut scene, &names, 74),
         }
         let built = cpu.build_scene(&scene, &BuildOptions::default()).expect("a scene");
         let mut options = asked(&names);
         // One that is hit.
         let hits = expected(&*built, &rays, &options[0]);
         let hit = hits.iter().map(|(hit, _)| bytemuck::cast::<_, SceneHit>(*hit));
-        let hit = hit.filter(SceneHit::is_hit).find(|hit| hit.triangle > 0).expect("a hit");
+        let suits = |hit: &SceneHit| hit.triangle > 0 && (which < 2 || hit.geometry >= meshes);
+        let hit = hit.filter(SceneHit::is_hit).find(suits).expect("a hit");
         let instance = InstanceId(hit.instance);
         let ignore = Some(IgnoredTriangle { instance, triangle: hit.triangle });
         options[1] = options[3];
@@ -588,15 +649,19 @@ fn planted_faults_are_found() {
         let all = options.map(|options| expected(&*built, &rays, &options));
         (scene, rays, options, all)
     };
-    let cases = [false, true].map(|masked| kinds.map(|kind| case(kind, masked)));
+    let cases = [0, 1, 2].map(|which| kinds.map(|kind| case(kind, which)));
     let mut never = Vec::new();
     for (kernel, what, from, to) in faults {
         let source = source_of(kernel);
         let faulty = source.replace(from, to) + "\nfn p_z(d: vec3<f32>) -> f32 { return d.y; }\n";
         assert!(source.contains(from), "{what}: {from}");
         let on = built_on(kernel, faulty);
-        let masked = !QueryKernel::WAVE.contains(&kernel);
-        let is_found = cases[usize::from(masked)].iter().any(|(scene, rays, options, all)| {
+        let which = match kernel {
+            TraceShapes => 2,
+            TraceInstancesMasked | TraceInstancesRetryMasked => 1,
+            _ => 0,
+        };
+        let is_found = cases[which].iter().any(|(scene, rays, options, all)| {
             let built = on(scene);
             (0..all.len()).any(|i| answers(&*built, rays, &options[i]).0 != all[i])
         });

@@ -1,5 +1,5 @@
 // Twin of `BoxRay` and `BoxStack` in core/src/backend/scene/packed/trace.rs: the way of a ray through the tree over instances,
-// which can be interrupted after each.
+// which can be interrupted after each. Nodes, the stack and what answers are the kernel's: `box_words`, `way_store`, `way_entry`, `is_asked`.
 
 // A child of a node that is an instance.
 const TOP_INSTANCE: u32 = 0x80000000u;
@@ -105,14 +105,14 @@ fn child_key(
 // The keys of four children: the first ones of a node, or the others.
 fn four_keys(ray: BoxRay, node: u32, half: u32, wanted: u32) -> vec4<u32> {
     let at = 16u * node + half;
-    let x = bitcast<vec4<f32>>(box_nodes[at]);
-    let y = bitcast<vec4<f32>>(box_nodes[at + 2u]);
-    let z = bitcast<vec4<f32>>(box_nodes[at + 4u]);
-    let to_x = bitcast<vec4<f32>>(box_nodes[at + 6u]);
-    let to_y = bitcast<vec4<f32>>(box_nodes[at + 8u]);
-    let to_z = bitcast<vec4<f32>>(box_nodes[at + 10u]);
-    let reach = bitcast<vec4<f32>>(box_nodes[at + 12u]);
-    let children = box_nodes[at + 14u];
+    let x = bitcast<vec4<f32>>(box_words(at));
+    let y = bitcast<vec4<f32>>(box_words(at + 2u));
+    let z = bitcast<vec4<f32>>(box_words(at + 4u));
+    let to_x = bitcast<vec4<f32>>(box_words(at + 6u));
+    let to_y = bitcast<vec4<f32>>(box_words(at + 8u));
+    let to_z = bitcast<vec4<f32>>(box_words(at + 10u));
+    let reach = bitcast<vec4<f32>>(box_words(at + 12u));
+    let children = box_words(at + 14u);
     let first = 4u * half;
     return vec4<u32>(
         child_key(ray, vec3<f32>(x.x, y.x, z.x), vec3<f32>(to_x.x, to_y.x, to_z.x), reach.x, children.x, first, wanted),
@@ -134,21 +134,6 @@ struct Next {
     instance: u32,
     // Entries that the ray's stack has then.
     top: u32,
-}
-
-// The stack of a ray: nodes times 256, and a bit for each child that is yet to be visited. There is room for every tree.
-fn way_store(index: u32, place: u32, entry: u32) {
-    ways[(2u + place) * scene_batch.count + index] = entry;
-}
-
-fn way_entry(index: u32, place: u32) -> u32 {
-    return ways[(2u + place) * scene_batch.count + index];
-}
-
-// Whether an instance answers rays of the batch.
-fn is_asked(instance: u32) -> bool {
-    let asked = instances[8u * instance + 3u];
-    return (asked.x & scene_batch.mask) != 0u && ((asked.y | scene_batch.culling) & 3u) != 3u;
 }
 
 // False once a driver ends the loops of the invocation: llvmpipe then lets each loop run once.
@@ -195,7 +180,7 @@ fn next_instance(index: u32, ray: BoxRay, entries: u32) -> Next {
             way_store(index, top, (node << 8u) | rest);
             top += 1u;
         }
-        let children = box_nodes[16u * node + 14u + (place >> 2u)];
+        let children = box_words(16u * node + 14u + (place >> 2u));
         let child = select(
             select(children.x, children.y, (place & 3u) == 1u),
             select(children.z, children.w, (place & 3u) == 3u),

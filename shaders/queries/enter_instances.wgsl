@@ -23,6 +23,26 @@ var<private> scene: Scene;
 // The number of a stack's entries of a ray that is done.
 const DONE: u32 = 0xffffffffu;
 
+// Four words of the tree.
+fn box_words(at: u32) -> vec4<u32> {
+    return box_nodes[at];
+}
+
+// The stack of a ray: nodes times 256, and a bit for each child that is yet to be visited. There is room for every tree.
+fn way_store(index: u32, place: u32, entry: u32) {
+    ways[(2u + place) * scene_batch.count + index] = entry;
+}
+
+fn way_entry(index: u32, place: u32) -> u32 {
+    return ways[(2u + place) * scene_batch.count + index];
+}
+
+// Whether an instance answers rays of the batch.
+fn is_asked(instance: u32) -> bool {
+    let asked = instances[8u * instance + 3u];
+    return (asked.x & scene_batch.mask) != 0u && ((asked.y | scene_batch.culling) & 3u) != 3u;
+}
+
 // The ray will enter nothing more.
 fn end_way(index: u32) {
     ways[index] = NO_INSTANCE;

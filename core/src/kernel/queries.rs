@@ -56,6 +56,8 @@ kernel_set! {
         BoxNodes "box_nodes", 256;
         /// Its instances: [`PackedInstance`](crate::backend::scene::packed::PackedInstance).
         Instances "instances", 128;
+        /// Sets of shapes: [`PackedScene::shapes`](crate::backend::scene::packed::PackedScene::shapes).
+        Shapes "shapes", 256;
         /// The closest hit with a scene: [`SceneHit`](crate::scene::SceneHit).
         SceneHits "scene_hits", 24, live Rays;
         /// The way of each ray through the tree over instances: [`SceneBatch::way`](crate::layout::SceneBatch::way) words a
@@ -138,9 +140,12 @@ kernel_set! {
             reads Nodes, reads LeafReferences, reads Triangles, reads Instances,
             reads Rays, updates SceneHits, uniform SceneBatch, updates Deferred, reads Ways;
         /// The same of every ray that the kernel before deferred.
-        TraceInstancesMaskedRetry "trace_instances_masked_retry", Few(Rays, 64) =>
+        TraceInstancesRetryMasked "trace_instances_retry_masked", Few(Rays, 64) =>
             reads Nodes, reads LeafReferences, reads Triangles, reads Instances,
             reads Rays, updates SceneHits, uniform SceneBatch, reads Deferred, reads Ways;
+        /// The closest hit, or any, of every ray with the set of shapes of which it has entered an instance.
+        TraceShapes "trace_shapes", Invocations(Rays, 64) =>
+            reads Shapes, reads Instances, reads Rays, updates SceneHits, uniform SceneBatch, reads Ways;
         /// The range of coordinates and sizes of the triangles.
         TriangleLimits "triangle_limits", Invocations(Triangles, 256) =>
             reads Triangles, uniform TriangleCount, updates Limits;
@@ -188,7 +193,7 @@ impl QueryKernel {
     pub const MASKED_WAVE: [QueryKernel; 3] = [
         QueryKernel::EnterInstances,
         QueryKernel::TraceInstancesMasked,
-        QueryKernel::TraceInstancesMaskedRetry,
+        QueryKernel::TraceInstancesRetryMasked,
     ];
 
     /// Bytes of the list of deferred rays of a batch: a number, and for each an index and what is left of its walk.

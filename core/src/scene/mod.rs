@@ -44,6 +44,7 @@ pub use outline::Outline;
 pub(crate) use outline::OutlineCells;
 pub use placement::{LEAST_OF_RAY, LEAST_OF_WAY, Placement};
 pub use shape_tree::ShapeTree;
+pub(crate) use shape_tree::is_culled;
 pub use top_build::top_tree_bytes;
 pub use top_tree::{
     INSTANCE as TOP_INSTANCE, NONE as TOP_NONE, TopNode, TopTree, WIDTH as TOP_WIDTH,

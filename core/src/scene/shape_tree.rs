@@ -186,7 +186,8 @@ impl ShapeTree {
     }
 }
 
-fn is_culled(culling: Culling, front: bool) -> bool {
+/// Whether hits from the front, or from the back, are ignored.
+pub(crate) fn is_culled(culling: Culling, front: bool) -> bool {
     match culling {
         Culling::None => false,
         Culling::Back => !front,

@@ -253,8 +253,10 @@ fn every_kernel_says_what_it_does() {
 
 #[test]
 fn queries_have_the_names_of_their_files() {
-    // Those that go through compressed nodes bind these, and have the text of the others.
-    let file = |kernel: QueryKernel| kernel.name().trim_end_matches("_compressed").to_owned();
+    // Those that go through compressed nodes bind these, and have the text of the others, as those that ask masks have.
+    let file = |kernel: QueryKernel| {
+        kernel.name().trim_end_matches("_compressed").trim_end_matches("_masked").to_owned()
+    };
     assert_eq!(names::own_files(QUERIES), QueryKernel::ALL.into_iter().map(file).collect());
     for shader in QUERIES {
         let kernel = sets::kernel_of::<RayQueries>(shader).name();

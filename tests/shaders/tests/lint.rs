@@ -109,7 +109,7 @@ fn free_in<K: KernelSet>(shader: &Shader) -> Free {
     let row = K::KERNELS.iter().find(|row| row.name == own).expect("a kernel of the set");
     let reads_tree = K::slots(row.kernel).any(|slot| match slot {
         Slot::Storage(Binding { buffer, access: Access::Read }) => {
-            ["nodes", "compressed_nodes", "box_nodes"].contains(&K::buffer(buffer).name)
+            ["nodes", "compressed_nodes", "box_nodes", "shapes"].contains(&K::buffer(buffer).name)
         }
         _ => false,
     });
@@ -246,7 +246,8 @@ fn only_those_that_trace_rays_may_be_free() {
             "trace_instances",
             "trace_instances_retry",
             "trace_instances_masked",
-            "trace_instances_masked_retry",
+            "trace_instances_retry_masked",
+            "trace_shapes",
             "first_costs",
             "closest_hits",
             "shadow_hits",
@@ -280,8 +281,10 @@ fn a_free_multiply_add_is_found_in_every_query() {
     for shader in QUERIES.iter().filter(|shader| !shader.name.ends_with("_fast")) {
         let free = free_in::<RayQueries>(shader);
         let ((from, to), rule) = match free {
-            // It prepares no ray.
-            Free::Allowed if shader.name == "enter_instances" => (stop, Rule::Merged),
+            // They prepare no ray for triangles.
+            Free::Allowed if ["enter_instances", "trace_shapes"].contains(&shader.name) => {
+                (stop, Rule::Merged)
+            }
             Free::Allowed => (shear, Rule::Merged),
             Free::Forbidden if shader.name == "move_vertices" => (moved, Rule::Free),
             Free::Forbidden => (limits, Rule::Free),

@@ -2,6 +2,7 @@
 
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Culling, Ray};
+use splitplane_core::scene::shape::{Capsule, Shapes, Sphere};
 use splitplane_core::scene::{
     GeometryId, IDENTITY, Instance, InstanceId, OpacityMask, Scene, Transform,
 };
@@ -147,6 +148,40 @@ pub fn scene(kind: Kind, instances: usize, seed: u64) -> (Scene, Vec<InstanceId>
         }
     }
     (scene, all)
+}
+
+/// Adds sets of spheres and of capsules, in the place of a third of the instances: round ones of all sizes, some that are left out, and
+/// capsules whose ends are one point, or far from one another.
+pub fn add_shapes(scene: &mut Scene, instances: &[InstanceId], seed: u64) {
+    let mut random = Random::new(seed);
+    let point = |random: &mut Random| random.point(2.0);
+    let radius = |random: &mut Random| match random.below(12) {
+        0 => 0.0,
+        1 => f32::NAN,
+        _ => 10f64.powf(random.between(-3.0, 0.3)) as f32,
+    };
+    let spheres =
+        (0..60).map(|_| Sphere { centre: point(&mut random), radius: radius(&mut random) });
+    let spheres = Shapes::Spheres(spheres.collect());
+    let capsules = (0..50).map(|number| {
+        let first = point(&mut random);
+        let second = match number % 4 {
+            0 => first,
+            1 => first.map(|x| x + 1e-12),
+            2 => [first[0], first[1], first[2] + 1.5],
+            _ => point(&mut random),
+        };
+        Capsule { ends: [first, second], radius: radius(&mut random) }
+    });
+    let capsules = Shapes::Capsules(capsules.collect());
+    let one = Shapes::Capsules(vec![Capsule { ends: [[-0.5; 3], [0.5; 3]], radius: 0.75 }]);
+    let sets = [spheres, capsules, one, Shapes::Spheres(Vec::new())]
+        .map(|set| scene.add_shapes(set).expect("a geometry"));
+    for (number, &name) in instances.iter().enumerate().filter(|(number, _)| number % 3 == 0) {
+        let mut own = *scene.instance(name).expect("an instance");
+        own.geometry = sets[number / 3 % sets.len()];
+        scene.set_instance(name, own).expect("an edit");
+    }
 }
 
 /// Gives every geometry but one an opacity mask, of levels from 0 on, about half of whose cells are opaque.

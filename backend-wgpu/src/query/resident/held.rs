@@ -12,12 +12,13 @@ use crate::device::scope::checked;
 use crate::error::GpuError;
 
 /// What each buffer is, for messages.
-const NAMES: [&str; 5] = [
+const NAMES: [&str; 6] = [
     "the tree over instances",
     "the instances",
     "the nodes of all geometries",
     "the references of all geometries",
     "the triangles of all geometries",
+    "the shapes of all geometries",
 ];
 /// Buffers that do not depend on geometries alone come first: these are as many.
 const OF_INSTANCES: usize = 2;
@@ -26,8 +27,8 @@ const USAGE: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE.union(wgpu::Buffer
 /// Records that did not change, between two that did, are sent with them rather than in two pieces.
 const GAP: usize = 4;
 
-/// The buffers of a scene: nodes of the tree over instances, instances, nodes, references, corners.
-pub(super) type Buffers = [wgpu::Buffer; 5];
+/// The buffers of a scene: nodes of the tree over instances, instances, nodes, references, corners, shapes.
+pub(super) type Buffers = [wgpu::Buffer; 6];
 
 /// A scene in the memory of a device.
 #[derive(Debug)]
@@ -40,6 +41,8 @@ pub(super) struct HeldScene {
     pub(super) way: u32,
     /// Whether a geometry has an opacity mask.
     pub(super) masked: bool,
+    /// Whether a geometry is a set of shapes.
+    pub(super) has_shapes: bool,
 }
 
 /// The limit that a scene of this size exceeds, if it does.
@@ -107,21 +110,22 @@ impl HeldScene {
         scene: &BuiltScene,
     ) -> Result<(HeldScene, Sent), GpuError> {
         let packed = scene.packed().map_err(unpackable)?;
-        let PackedScene { box_nodes, instances, nodes, references, triangles } = packed;
-        let parts: [&[u8]; 5] = [
+        let PackedScene { box_nodes, instances, nodes, references, triangles, shapes } = packed;
+        let parts: [&[u8]; 6] = [
             bytemuck::cast_slice(&box_nodes),
             bytemuck::cast_slice(&instances),
             bytemuck::cast_slice(&nodes),
             bytemuck::cast_slice(&references),
             bytemuck::cast_slice(&triangles),
+            bytemuck::cast_slice(&shapes),
         ];
         checked(gpu, "the upload of a scene", || {
             buffers.iter().zip(parts).for_each(|(buffer, bytes)| gpu.write(buffer, 0, bytes));
             Ok(())
         })?;
         let sent = parts.iter().map(|bytes| bytes.len() as u64).sum();
-        let (way, masked) = (way(scene), scene.has_opacity());
-        Ok((HeldScene { buffers, box_nodes, instances, way, masked }, sent))
+        let (way, masked, has_shapes) = (way(scene), scene.has_opacity(), scene.has_shapes());
+        Ok((HeldScene { buffers, box_nodes, instances, way, masked, has_shapes }, sent))
     }
 
     /// Sends what changed of instances, and of the tree over them. The geometries are those that were sent.
@@ -153,6 +157,7 @@ impl HeldScene {
             instances: packed.instances,
             way: way(scene),
             masked: scene.has_opacity(),
+            has_shapes: scene.has_shapes(),
         };
         Ok(sent)
     }

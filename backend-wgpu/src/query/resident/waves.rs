@@ -251,7 +251,7 @@ impl Waves<'_> {
         memory: &Memory,
         count: u32,
     ) -> Result<(), GpuError> {
-        let [box_nodes, instances, nodes, references, triangles] = &self.scene.buffers;
+        let [box_nodes, instances, nodes, references, triangles, shapes] = &self.scene.buffers;
         let whole = wgpu::Buffer::as_entire_buffer_binding;
         let find = |bound: &Bound<RayQueries>| match bound.slot {
             Slot::Uniform(QueryUniform::SceneBatch) => Some(whole(&memory.batch)),
@@ -262,6 +262,7 @@ impl Waves<'_> {
                 QueryBuffer::Nodes => nodes,
                 QueryBuffer::LeafReferences => references,
                 QueryBuffer::Triangles => triangles,
+                QueryBuffer::Shapes => shapes,
                 QueryBuffer::Rays => &memory.given,
                 QueryBuffer::SceneHits => &memory.hits,
                 QueryBuffer::Ways => &memory.ways,
@@ -272,7 +273,8 @@ impl Waves<'_> {
         };
         let variant = QueryVariant { test: TriangleTest::Watertight, by_halves: false };
         let kernels = if self.scene.masked { QueryKernel::MASKED_WAVE } else { QueryKernel::WAVE };
-        for kernel in kernels {
+        let shapes = self.scene.has_shapes.then_some(QueryKernel::TraceShapes);
+        for kernel in kernels.into_iter().chain(shapes) {
             let gpu = self.queries.gpu();
             once::record(gpu, &self.queries.pipelines, encoder, (kernel, &variant), count, find)?;
         }

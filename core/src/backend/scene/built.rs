@@ -14,6 +14,7 @@ use crate::error::BuildError;
 use crate::mesh::Mesh;
 use crate::query::intersect::{Limits, SceneScale};
 use crate::scene::ShapeTree;
+use crate::scene::shape::Shapes;
 use crate::scene::{
     Defect, Edits, GeometryId, GeometryMesh, Instance, InstanceId, ObjectSpace, OpacityMask,
     Outline, Placement, SceneDigest, TopTree,
@@ -79,6 +80,11 @@ impl BuiltGeometry {
     /// The tree over its shapes; `None` for a mesh.
     pub fn shapes(&self) -> Option<&ShapeTree> {
         self.shapes.as_deref()
+    }
+
+    /// Whether its shapes are the user's own.
+    pub(super) fn has_own_shapes(&self) -> bool {
+        self.shapes().is_some_and(|own| matches!(own.shapes(), Shapes::Own(_)))
     }
 
     /// Which parts of its triangles count for rays; `None`: all do.
@@ -153,6 +159,11 @@ impl BuiltScene {
         self.masked
     }
 
+    /// Whether a geometry is a set of shapes.
+    pub fn has_shapes(&self) -> bool {
+        self.geometries().any(|(_, own)| own.shapes().is_some())
+    }
+
     /// A geometry; `None` where there is none of this name.
     pub fn geometry(&self, geometry: GeometryId) -> Option<&BuiltGeometry> {
         self.geometries.get(geometry.0 as usize)?.as_ref()
@@ -177,7 +188,7 @@ impl BuiltScene {
 
     /// What of the scene a packed form does not have, so that only the host answers its rays; `None` for nothing.
     pub fn host_only(&self) -> Option<&'static str> {
-        host_only(self.geometries().any(|(_, own)| own.shapes().is_some()))
+        host_only(self.geometries().any(|(_, own)| own.has_own_shapes()))
     }
 
     /// All geometries, in the order of their names.
@@ -213,6 +224,6 @@ impl BuiltScene {
 }
 
 /// Why only the host answers the rays of a scene like this.
-pub(super) fn host_only(has_shapes: bool) -> Option<&'static str> {
-    has_shapes.then_some("a geometry is made of shapes")
+pub(super) fn host_only(has_own_shapes: bool) -> Option<&'static str> {
+    has_own_shapes.then_some("a geometry is made of shapes of the user's own")
 }

@@ -198,9 +198,9 @@ impl BuiltScene {
             ..PackedSizes::default()
         };
         let held = self.bytes() + new.clone().map(|(_, own)| own.bytes()).sum::<u64>();
-        let has_shapes = kept().chain(new.clone()).any(|(_, own)| own.shapes().is_some());
+        let has_own_shapes = kept().chain(new.clone()).any(|(_, own)| own.has_own_shapes());
         Becoming {
-            host_only: host_only(has_shapes),
+            host_only: host_only(has_own_shapes),
             geometries_change: !plan.geometries.is_empty() || kept().any(remasked),
             sizes: kept().chain(new).fold(sizes, |sizes, (name, own)| {
                 sizes.and(own, opacity(name).map(|mask| &**mask))

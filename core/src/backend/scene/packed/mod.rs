@@ -56,7 +56,7 @@ pub struct PackedInstance {
     pub sides: u32,
     /// The geometry's root among all nodes.
     pub root: u32,
-    /// The geometry's first triangle among all triangles.
+    /// The geometry's first triangle among all triangles; of a set of shapes, the block in which they begin.
     pub first_triangle: u32,
     /// Lower corner of the tree's bounds.
     pub lo: [f32; 3],
@@ -68,7 +68,8 @@ pub struct PackedInstance {
     pub wide: u32,
     /// Lower corner of the box in which an origin is not far.
     pub near_lo: [f32; 3],
-    /// Where among all references the geometry's opacity mask begins; 0 for none. See [`PackedScene::references`].
+    /// Where among all references the geometry's opacity mask begins; 0 for none. See [`PackedScene::references`]. Of a
+    /// set of shapes, [`SHAPES`] and the block of its tree's root.
     pub opacity: u32,
     /// Upper corner of the box in which an origin is not far.
     pub near_hi: [f32; 3],
@@ -76,8 +77,14 @@ pub struct PackedInstance {
     pub origin_least: f32,
 }
 
+/// The bit of [`PackedInstance::opacity`] for a set of shapes.
+pub const SHAPES: u32 = 1 << 31;
+
 /// The bit of [`PackedInstance::sides`] for a reflection.
 pub const MIRRORED: u32 = 4;
+
+/// A node of a tree over shapes, or eight shapes.
+pub type ShapeBlock = [u32; 64];
 
 /// A scene as a device holds it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -93,4 +100,8 @@ pub struct PackedScene {
     pub references: Vec<u32>,
     /// The snapped corners of all geometries.
     pub triangles: Vec<Triangle>,
+    /// Sets of shapes, in blocks of 256 bytes: of each set first its tree, a [`PackedTopNode`] a block, which names its children by their
+    /// places among all blocks and shapes by their numbers; then the shapes, eight a block, as capsules: the first end, the
+    /// radius, the second end, 0. A sphere is a capsule whose ends are one point, and that has the same hits by the same operations.
+    pub shapes: Vec<ShapeBlock>,
 }

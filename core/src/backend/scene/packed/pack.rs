@@ -4,11 +4,15 @@ use alloc::vec::Vec;
 
 use super::{
     ALWAYS, BOX_COORDINATE_MOST, MIRRORED, MOST_TOP_NODES, PackedInstance, PackedScene,
-    PackedTopNode,
+    PackedTopNode, SHAPES, ShapeBlock,
 };
 use crate::backend::scene::built::{BuiltGeometry, BuiltScene};
 use crate::layout::{SceneUniform, culling_bits};
-use crate::scene::{GeometryId, InstanceId, OpacityMask, Placement, TOP_NONE, TOP_WIDTH, TopNode};
+use crate::scene::shape::Shapes;
+use crate::scene::{
+    GeometryId, InstanceId, OpacityMask, Placement, ShapeTree, TOP_INSTANCE, TOP_NONE, TOP_WIDTH,
+    TopNode,
+};
 use crate::tree::node::{KdNode, NodeKind};
 use crate::triangle::prepare;
 
@@ -47,17 +51,20 @@ pub struct PackedSizes {
     pub references: usize,
     /// Triangles of all geometries, those dropped included.
     pub triangles: usize,
+    /// Blocks of all sets of shapes.
+    pub shapes: usize,
 }
 
 impl PackedSizes {
-    /// Bytes of each array: nodes of the tree over instances, instances, nodes, references, corners.
-    pub fn bytes(&self) -> [u64; 5] {
+    /// Bytes of each array: nodes of the tree over instances, instances, nodes, references, corners, shapes.
+    pub fn bytes(&self) -> [u64; 6] {
         [
             (self.top_nodes * size_of::<PackedTopNode>()) as u64,
             (self.instances * size_of::<PackedInstance>()) as u64,
             (self.nodes * size_of::<KdNode>()) as u64,
             4 * self.references as u64,
             36 * self.triangles as u64,
+            (self.shapes * size_of::<ShapeBlock>()) as u64,
         ]
     }
 
@@ -73,15 +80,19 @@ impl PackedSizes {
         self.references +=
             tree.references.len() + opacity.map_or(0, |mask| OPACITY_HEAD + mask.words().len());
         self.triangles += tree.triangles as usize;
+        if let Some(own) = geometry.shapes() {
+            self.shapes += own.tree().nodes().len() + own.shapes().len().div_ceil(SHAPES_A_BLOCK);
+        }
         self
     }
 
     fn check(&self) -> Result<(), Unpackable> {
         let most = [
             ("nodes of geometries", self.nodes, KdNode::MAX_INDEX as usize),
-            ("references of geometries", self.references, u32::MAX as usize),
+            ("references of geometries", self.references, SHAPES as usize - 1),
             ("triangles of geometries", self.triangles, u32::MAX as usize / 16),
             ("nodes of the tree over instances", self.top_nodes, MOST_TOP_NODES),
+            ("blocks of shapes", self.shapes, MOST_TOP_NODES),
         ];
         for (what, count, most) in most {
             if count > most {
@@ -96,8 +107,11 @@ impl PackedSizes {
 /// Words of a packed opacity mask before those of its cells: its level, and the first triangle.
 pub(super) const OPACITY_HEAD: usize = 2;
 
-/// Where the geometries of a scene lie in the shared arrays, by name: the first node, reference and triangle.
-type Places = Vec<[u32; 3]>;
+/// Shapes of a block.
+const SHAPES_A_BLOCK: usize = 8;
+
+/// Where the geometries of a scene lie in the shared arrays, by name: the first node, reference, triangle and block of shapes.
+type Places = Vec<[u32; 4]>;
 
 impl BuiltScene {
     /// How long the arrays of the packed scene are.
@@ -126,6 +140,7 @@ impl BuiltScene {
         packed.nodes.try_reserve_exact(sizes.nodes).map_err(lacking)?;
         packed.references.try_reserve_exact(sizes.references).map_err(lacking)?;
         packed.triangles.try_reserve_exact(sizes.triangles).map_err(lacking)?;
+        packed.shapes.try_reserve_exact(sizes.shapes).map_err(lacking)?;
         for (_, geometry) in self.geometries() {
             packed.append(geometry);
         }
@@ -160,7 +175,8 @@ impl BuiltScene {
         places.try_reserve_exact(self.geometries.len()).ok()?;
         let mut next = PackedSizes::default();
         for geometry in &self.geometries {
-            places.push([next.nodes, next.references, next.triangles].map(|at| at as u32));
+            let firsts = [next.nodes, next.references, next.triangles, next.shapes];
+            places.push(firsts.map(|at| at as u32));
             if let Some(geometry) = geometry {
                 next = next.and(geometry, geometry.opacity());
             }
@@ -171,8 +187,9 @@ impl BuiltScene {
     fn packed_instance(&self, own: &Placement, places: &Places) -> Option<PackedInstance> {
         let name: GeometryId = own.instance.geometry;
         let geometry = self.geometry(name)?;
-        let [root, reference, first_triangle] = *places.get(name.0 as usize)?;
+        let [root, reference, first_triangle, block] = *places.get(name.0 as usize)?;
         let behind = reference + geometry.accelerator.tree().references.len() as u32;
+        let shapes = geometry.shapes().map(|own| own.tree().nodes().len()).filter(|own| *own > 0);
         let scale = SceneUniform::from(geometry.scale());
         let mirrored = if own.space.mirrored { MIRRORED } else { 0 };
         Some(PackedInstance {
@@ -180,14 +197,17 @@ impl BuiltScene {
             mask: own.instance.mask,
             sides: name.0 << 3 | mirrored | culling_bits(own.instance.culling),
             root,
-            first_triangle,
+            first_triangle: shapes.map_or(first_triangle, |nodes| block + nodes as u32),
             lo: scale.lo,
             slack: scale.slack,
             hi: scale.hi,
             wide: scale.wide,
             near_lo: scale.near_lo,
             // Behind references: a geometry without any has no hits.
-            opacity: geometry.opacity().map_or(0, |_| behind),
+            opacity: match shapes {
+                Some(_) => SHAPES | block,
+                None => geometry.opacity().map_or(0, |_| behind),
+            },
             near_hi: scale.near_hi,
             origin_least: scale.origin_least,
         })
@@ -226,8 +246,42 @@ impl PackedScene {
             self.references.extend([mask.level(), triangle]);
             self.references.extend(mask.words());
         }
+        if let Some(own) = geometry.shapes() {
+            self.append_shapes(own);
+        }
         let mesh = geometry.mesh.mesh();
         self.triangles.extend((0..mesh.len()).map(|own| prepare(&mesh.triangle(own)).corners));
+    }
+}
+
+impl PackedScene {
+    /// Adds a set of shapes behind the others; there is room for it.
+    fn append_shapes(&mut self, set: &ShapeTree) {
+        let root = self.shapes.len() as u32;
+        self.shapes.extend(set.tree().nodes().iter().map(|node| {
+            let mut packed = PackedTopNode::from(node);
+            for child in &mut packed.children {
+                if *child & TOP_INSTANCE == 0 {
+                    *child += root;
+                }
+            }
+            bytemuck::cast::<_, ShapeBlock>(packed)
+        }));
+        let count = set.shapes().len();
+        for first in (0..count).step_by(SHAPES_A_BLOCK) {
+            let mut block: ShapeBlock = [0; 64];
+            for (number, to) in (first..count).zip(block.chunks_exact_mut(8)) {
+                let (ends, radius) = match set.shapes() {
+                    Shapes::Spheres(all) => ([all[number].centre; 2], all[number].radius),
+                    Shapes::Capsules(all) => (all[number].ends, all[number].radius),
+                    Shapes::Own(_) => continue,
+                };
+                to[..3].copy_from_slice(&ends[0].map(f32::to_bits));
+                to[3] = radius.to_bits();
+                to[4..7].copy_from_slice(&ends[1].map(f32::to_bits));
+            }
+            self.shapes.push(block);
+        }
     }
 }
 

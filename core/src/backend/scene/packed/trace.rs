@@ -1,10 +1,12 @@
-//! The way of a ray through a packed scene: the serial reference of the kernels `enter_instances` and `trace_instances`, all waves
+//! The way of a ray through a packed scene: the serial reference of the kernels `enter_instances`, `trace_instances` and `trace_shapes`, all waves
 //! of them together.
 
 use core::cmp::min;
 
 use super::pack::OPACITY_HEAD;
-use super::{ALWAYS, BOX_COORDINATE_MOST, MIRRORED, PackedInstance, PackedScene, PackedTopNode};
+use super::{
+    ALWAYS, BOX_COORDINATE_MOST, MIRRORED, PackedInstance, PackedScene, PackedTopNode, SHAPES,
+};
 use crate::aabb::{Aabb, max};
 use crate::arithmetic::{Arithmetic, ordered_bits, snap};
 use crate::layout::SceneBatch;
@@ -12,9 +14,10 @@ use crate::query::intersect::{PreparedRay, STOP_SLACK, SceneScale};
 use crate::query::traverse::{Best, InnerRay, Query, Triangles};
 use crate::query::walk::{Leaf, walk_from};
 use crate::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
+use crate::scene::shape::{Capsule, ShapeRay};
 use crate::scene::{
     GeometryId, InstanceId, ObjectSpace, SceneHit, TOP_INSTANCE, TOP_NONE, TOP_WIDTH, TopRay,
-    WIDEST_STACK, opacity_cell,
+    WIDEST_STACK, is_culled, opacity_cell,
 };
 use crate::triangle::Triangle;
 
@@ -107,6 +110,13 @@ impl BoxStack {
         let mut entries = [0; WIDEST_STACK];
         entries[0] = 0xff;
         BoxStack { entries, top: min(nodes, 1) }
+    }
+
+    /// The way through a tree that begins at another node.
+    fn at(root: u32) -> BoxStack {
+        let mut stack = BoxStack::new(1);
+        stack.entries[0] |= root << 8;
+        stack
     }
 
     /// The next instance that the ray enters, nearest boxes first.
@@ -221,6 +231,11 @@ impl PackedScene {
         let limited = ray.with_limits(ray.t_min, ray.t_max.min(limit.next_up()));
         let space = ObjectSpace { inverse: own.inverse, mirrored: own.sides & MIRRORED != 0 };
         let (scale, seen) = (own.scale(), space.ray_in::<A>(&limited));
+        if own.opacity & SHAPES != 0 {
+            let ignored = (batch.ignored_instance == name).then_some(batch.ignored_triangle);
+            let hit = self.trace_shapes::<A>(own, &seen, culling, ignored, query);
+            return SceneHit::of(&hit, GeometryId(own.sides >> 3), InstanceId(name));
+        }
         let Some(seen) = PreparedRay::new::<A>(&seen, &scale) else { return SceneHit::MISS };
         let Some(interval) = seen.enter::<A>(&scale.bounds) else { return SceneHit::MISS };
         let options = &QueryOptions {
@@ -243,6 +258,47 @@ impl PackedScene {
             hit.triangle -= own.first_triangle;
         }
         SceneHit::of(&hit, GeometryId(own.sides >> 3), InstanceId(name))
+    }
+
+    /// Traces a ray, as an instance of shapes sees it: [`ShapeTree::trace`](crate::scene::ShapeTree::trace).
+    fn trace_shapes<A: Arithmetic>(
+        &self,
+        own: &PackedInstance,
+        ray: &Ray,
+        culling: Culling,
+        ignored: Option<u32>,
+        query: Query,
+    ) -> Hit {
+        let mut best = Hit::MISS;
+        let rays = BoxRay::new::<A>(ray).zip(ShapeRay::new::<A>(ray));
+        let Some((boxes, ready)) = rays else { return best };
+        let nodes: &[PackedTopNode] = bytemuck::cast_slice(&self.shapes);
+        let mut stack = BoxStack::at(own.opacity & !SHAPES);
+        loop {
+            let stop = BoxRay::stop_after::<A>(ray.t_max.min(best.t));
+            let Some(number) = stack.next::<A>(nodes, &boxes, stop) else { return best };
+            let capsule = self.capsule(own.first_triangle, number);
+            let span = capsule.span::<A>(&ready).filter(|_| ignored != Some(number));
+            let Some(span) = span else { continue };
+            for (end, front) in [(0, true), (1, false)] {
+                let hit = Hit { t: span.t[end], triangle: number, u: span.u[end], v: 0.0 };
+                let within = ray.t_min <= hit.t && hit.t <= ray.t_max && hit.t.abs() <= f32::MAX;
+                if within && !is_culled(culling, front) && hit.precedes(&best) {
+                    best = hit;
+                }
+            }
+            if query == Query::Any && best.is_hit() {
+                return best;
+            }
+        }
+    }
+
+    /// A shape of the set whose shapes begin at a block.
+    fn capsule(&self, block: u32, number: u32) -> Capsule {
+        let at =
+            &self.shapes[block as usize + number as usize / 8][8 * (number as usize % 8)..][..8];
+        let point = |from: usize| [0, 1, 2].map(|axis| f32::from_bits(at[from + axis]));
+        Capsule { ends: [point(0), point(4)], radius: f32::from_bits(at[3]) }
     }
 
     /// Whether a hit counts, with a triangle among all triangles, where the geometry's opacity mask begins there.

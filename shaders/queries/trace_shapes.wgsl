@@ -1,0 +1,112 @@
+// The closest hit, or any, of every ray with the set of shapes of which it has entered an instance: twin of
+// `PackedScene::trace_shapes` in core/src/backend/scene/packed/trace.rs.
+// One invocation a ray; those that have entered no instance of shapes do nothing.
+// Reads: sets of shapes; the instances; the rays of the batch, what they have entered, and their best hits so far.
+// Writes: the hits that come before those; UNFINISHED as the triangle of a ray which the driver did not let finish.
+// Ties: among equal `t` the lower instance, then the lower shape.
+
+// Sixteen times four words a block.
+@group(0) @binding(0) var<storage, read> shapes: array<vec4<u32>>;
+@group(0) @binding(1) var<storage, read> instances: array<vec4<u32>>;
+@group(0) @binding(2) var<storage, read> rays: array<vec4<u32>>;
+@group(0) @binding(3) var<storage, read_write> scene_hits: array<u32>;
+@group(0) @binding(4) var<uniform> scene_batch: SceneBatch;
+@group(0) @binding(5) var<storage, read> ways: array<u32>;
+
+// What intersect.wgsl declares, and nothing here reads.
+var<private> scene: Scene;
+
+// The bit of an instance's mask for a set of shapes.
+const SHAPES: u32 = 0x80000000u;
+// Trees over boxes have 42 levels at most.
+var<private> box_stack: array<u32, 48>;
+
+fn box_words(at: u32) -> vec4<u32> {
+    return shapes[at];
+}
+
+fn way_store(index: u32, place: u32, entry: u32) {
+    box_stack[place] = entry;
+}
+
+fn way_entry(index: u32, place: u32) -> u32 {
+    return box_stack[place];
+}
+
+fn is_asked(shape: u32) -> bool {
+    return true;
+}
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) workgroup: vec3<u32>,
+    @builtin(num_workgroups) workgroups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    opaque_zero = scene_batch.zero;
+    let index = ray_index(workgroup, workgroups, local);
+    if index >= scene_batch.count {
+        return;
+    }
+    let instance = ways[index];
+    if instance == NO_INSTANCE {
+        return;
+    }
+    let own = instances[8u * instance + 6u].w;
+    if (own & SHAPES) == 0u {
+        return;
+    }
+    // Mask, sides, root and the block of the first shape.
+    let asked = instances[8u * instance + 3u];
+    let culling = (asked.y | scene_batch.culling) & 3u;
+    let ignored = select(NO_TRIANGLE, scene_batch.ignored_triangle, instance == scene_batch.ignored_instance);
+    let given = batch_ray(index);
+    let t_max_bits = bitcast<u32>(given.t_max);
+    let before = best_hit(index);
+    let limit = select(t_max_bits, limit_after(t_max_bits, before.t), before.instance != NO_INSTANCE);
+    let ray = seen_by(instance, given, limit);
+    if !can_hit(ray) {
+        return;
+    }
+    let ready = shape_ray(ray);
+    var boxes = box_ray(ray, limit);
+    way_store(index, 0u, (own << 8u) | 0xffu);
+    var top = 1u;
+    var hit = no_hit();
+    loop {
+        let next = next_instance(index, boxes, top);
+        if next.instance == NO_INSTANCE || (scene_batch.any != 0u && is_hit(hit)) {
+            break;
+        }
+        top = next.top;
+        let at = 16u * asked.w + 2u * next.instance;
+        let span = capsule_span(ready, bitcast<vec4<f32>>(shapes[at]), bitcast<vec4<f32>>(shapes[at + 1u]).xyz);
+        if !span.some || next.instance == ignored {
+            continue;
+        }
+        // In at the first end, from the front; out at the other.
+        for (var k = 0u; k < 2u; k++) {
+            let t = select(span.t.x, span.t.y, k == 1u);
+            let bits = bitcast<u32>(t);
+            let is_culled = culling == select(CULL_FRONT, CULL_BACK, k == 1u);
+            let within = limit_key(bitcast<u32>(ray.t_min)) <= limit_key(bits) && limit_key(bits) <= limit_key(limit);
+            let first = !is_hit(hit) || t < hit.t || (t == hit.t && next.instance < hit.triangle);
+            if is_finite_bits(bits) && within && !is_culled && first {
+                hit = Hit(t, next.instance, select(span.u.x, span.u.y, k == 1u), 0.0);
+                boxes = box_ray(ray, bits);
+            }
+        }
+    }
+    let at = 6u * index;
+    let lower = instance < before.instance || (instance == before.instance && hit.triangle < before.triangle);
+    if !loops_run() {
+        scene_hits[at + 3u] = UNFINISHED;
+    } else if is_hit(hit) && (before.instance == NO_INSTANCE || hit.t < before.t || (hit.t == before.t && lower)) {
+        scene_hits[at] = bitcast<u32>(hit.t);
+        scene_hits[at + 1u] = bitcast<u32>(hit.u);
+        scene_hits[at + 2u] = 0u;
+        scene_hits[at + 3u] = hit.triangle;
+        scene_hits[at + 4u] = asked.y >> 3u;
+        scene_hits[at + 5u] = instance;
+    }
+}
