@@ -1,7 +1,7 @@
 // Twin of core/src/scene/shape: where a line is in a capsule. A sphere is a capsule whose ends are one point.
 
 // What is not greater than this part of another is nothing beside it.
-const NOTHING: f32 = 0x1p-60f;
+const NEGLIGIBLE: f32 = 0x1p-60f;
 
 struct ShapeRay {
     origin: vec3<f32>,
@@ -67,7 +67,7 @@ fn within_radius(start: vec3<f32>, along: vec3<f32>, squared: f32, radius: f32) 
 
 // Where the line is between the planes through both ends.
 fn between_planes(start: f32, direction: f32, length: f32) -> vec2<f32> {
-    if snapped_product(direction, direction) <= snapped_product(length, NOTHING) {
+    if snapped_product(direction, direction) <= snapped_product(length, NEGLIGIBLE) {
         return select(no_span(), -no_span(), 0.0 <= start && start <= length);
     }
     let low = ratio(-start, direction);
@@ -109,7 +109,7 @@ fn capsule_span(ray: ShapeRay, first: vec4<f32>, second: vec3<f32>) -> Span {
         }
         let squared = dot_of(along, along);
         var part = planes;
-        if squared >= NOTHING {
+        if squared >= NEGLIGIBLE {
             let round = within_radius(at, along, squared, radius);
             part = vec2<f32>(most(round.x, planes.x), least(round.y, planes.y));
         } else if dot_of(at, at) > snapped_product(radius, radius) {
@@ -118,7 +118,7 @@ fn capsule_span(ray: ShapeRay, first: vec4<f32>, second: vec3<f32>) -> Span {
         if part.x <= part.y {
             whole = vec2<f32>(least(whole.x, part.x), most(whole.y, part.y));
         }
-        if length < NOTHING {
+        if length < NEGLIGIBLE {
             break;
         }
     }
@@ -127,7 +127,7 @@ fn capsule_span(ray: ShapeRay, first: vec4<f32>, second: vec3<f32>) -> Span {
     }
     let power = size + 2 - ray.exponent;
     let t = vec2<f32>(shape_t(whole.x, power), shape_t(whole.y, power));
-    if length < NOTHING {
+    if length < NEGLIGIBLE {
         return Span(true, t, vec2<f32>());
     }
     return Span(

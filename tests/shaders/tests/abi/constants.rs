@@ -107,6 +107,7 @@ const DEVICE_ONLY: &[(&str, Only, &str)] = &[
     ("TOP_ALWAYS", Only::Alias("ALWAYS"), "has a module of its own in the core"),
     ("TOP_NONE", word(u32::MAX), "one of several of its name in the core"),
     ("NO_INSTANCE", word(u32::MAX), "an `Option` on the CPU"),
+    ("NEGLIGIBLE", float(f32::from_bits(0x2180_0000)), "one of several of its name in the core"),
     (
         "POINT_BLOCK",
         word(splitplane_core::points::tree::BLOCK as u32),
