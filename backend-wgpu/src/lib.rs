@@ -33,6 +33,6 @@ pub use query::{
     WgpuAccelerator, WgpuPointTree,
 };
 
-/// The version of wgpu that this crate is built with.
 pub use scene_update::PendingSceneUpdate;
+/// The version of wgpu that this crate is built with.
 pub use wgpu;

@@ -84,15 +84,10 @@ impl PendingSceneUpdate {
         description: &Scene,
     ) -> Result<(), SceneBuildError> {
         self.update.renew(scene, description)?;
-        let needed = |running: &Running| {
-            let next = self.update.next_mesh();
-            next.is_some_and(|(_, mesh)| Arc::ptr_eq(mesh, &running.mesh))
-        };
         if let Some(running) = self.running.take() {
-            if needed(&running) {
-                self.running = Some(running);
-            } else {
-                running.pending.cancel();
+            match self.update.waits_for(&running.mesh) {
+                Some(geometry) => self.running = Some(Running { geometry, ..running }),
+                None => running.pending.cancel(),
             }
         }
         self.submit_next().map(drop)

@@ -38,7 +38,7 @@ pub(crate) use digest::SceneDigest;
 pub use error::{SceneBuildError, SceneError};
 pub use hit::{GeometryId, InstanceId, MAX_INSTANCES, MAX_OPACITY_LEVEL, SceneHit};
 pub use opacity::OpacityMask;
-pub(crate) use opacity::opacity_cell;
+pub(crate) use opacity::opacity_bit;
 pub use options::{Filter, IgnoredTriangle, SceneOptions, SceneReport};
 pub use outline::Outline;
 pub(crate) use outline::OutlineCells;

@@ -119,8 +119,7 @@ impl OpacityMask {
         if triangle >= self.triangles {
             return true;
         }
-        let cell = u64::from(triangle) << (2 * self.level)
-            | u64::from(opacity_cell::<Strict>(self.level, u, v));
+        let cell = opacity_bit::<Strict>(self.level, triangle, [u, v]);
         match self.words.get((cell / 32) as usize) {
             Some(word) => word >> (cell % 32) & 1 != 0,
             None => true,
@@ -128,8 +127,13 @@ impl OpacityMask {
     }
 }
 
+/// The bit of a place in a triangle among those of all triangles.
+pub(crate) fn opacity_bit<A: Arithmetic>(level: u32, triangle: u32, [u, v]: [f32; 2]) -> u64 {
+    u64::from(triangle) << (2 * level) | u64::from(opacity_cell::<A>(level, u, v))
+}
+
 /// The micro-cell of a place in a triangle, at a level: see [`OpacityMask`].
-pub(crate) fn opacity_cell<A: Arithmetic>(level: u32, u: f32, v: f32) -> u32 {
+fn opacity_cell<A: Arithmetic>(level: u32, u: f32, v: f32) -> u32 {
     let edge = 1u32 << level;
     // Exact: the factor is a power of two, and whole parts are taken away. What is NaN or below 0 becomes 0.
     let part = |x: f32| {

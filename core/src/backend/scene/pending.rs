@@ -177,6 +177,12 @@ impl PendingUpdate {
         Some((part.name, &part.mesh))
     }
 
+    /// The first geometry that waits for a tree over these arrays.
+    pub fn waits_for(&self, mesh: &Arc<GeometryMesh>) -> Option<GeometryId> {
+        let part = self.parts.iter().find(|p| p.built.is_none() && Arc::ptr_eq(&p.mesh, mesh))?;
+        Some(part.name)
+    }
+
     /// How far building has come.
     pub fn progress(&self) -> Progress {
         let total = self.parts.len() as u64;

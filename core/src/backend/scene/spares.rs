@@ -14,7 +14,8 @@ use crate::scene::{GeometryId, GeometryMesh, Scene, SceneBuildError, SceneError}
 
 /// Brings a scene up to date as [`Backend::update_scene`] does, and keeps memory: for meshes whose vertices move every frame.
 ///
-/// The tree that an update replaces becomes the geometry's spare, and the next update builds into its memory ([`Backend::rebuild`]). So a failed update still
+/// A tree that came from here and is replaced becomes the geometry's spare, and the next update builds into its memory ([`Backend::rebuild`], which with a
+/// watch builds beside it on the CPU, and keeps nothing). So the first two updates of a mesh take new memory, and a failed update still
 /// leaves the scene as it was, since no tree that rays go through is written. The price is a second tree for each mesh that changes: `max_spare_bytes` bounds
 /// them, [`SceneUpdater::spare_bytes`] tells them, and [`SceneUpdater::clear`] drops them. [`Backend::update_scene`] keeps none.
 ///
@@ -62,9 +63,10 @@ impl SceneUpdater {
         self.spares.iter().map(|(_, tree)| bytes_of(&**tree)).sum()
     }
 
-    /// Drops all spares.
+    /// Drops all spares, and its shares of trees that scenes have.
     pub fn clear(&mut self) {
         self.spares.clear();
+        self.current.clear();
     }
 
     /// Brings a scene up to date with its description: see [`Backend::update_scene`]. Spares of meshes that do not change count towards the options' limit too.
@@ -85,7 +87,9 @@ impl SceneUpdater {
         }
         // What cannot be kept later is asked for before anything changes.
         let more = self.asked.len();
-        let lacking = |_| SceneError::OutOfMemory { bytes: more as u64 };
+        let lacking = |_| SceneError::OutOfMemory {
+            bytes: (more * size_of::<(GeometryId, SharedGeometry)>()) as u64,
+        };
         self.made.try_reserve(more).map_err(lacking)?;
         self.current.try_reserve(more).map_err(lacking)?;
         self.spares.try_reserve(more).map_err(lacking)?;

@@ -17,7 +17,7 @@ use crate::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
 use crate::scene::shape::{Capsule, ShapeRay};
 use crate::scene::{
     GeometryId, InstanceId, ObjectSpace, SceneHit, TOP_INSTANCE, TOP_NONE, TOP_WIDTH, TopRay,
-    WIDEST_STACK, is_culled, opacity_cell,
+    WIDEST_STACK, is_culled, opacity_bit,
 };
 use crate::triangle::Triangle;
 
@@ -308,8 +308,7 @@ impl PackedScene {
         }
         let mask = &self.references[opacity as usize..];
         let (level, own) = (mask[0], hit.triangle - mask[1]);
-        let cell =
-            u64::from(own) << (2 * level) | u64::from(opacity_cell::<A>(level, hit.u, hit.v));
+        let cell = opacity_bit::<A>(level, own, [hit.u, hit.v]);
         mask[OPACITY_HEAD + (cell / 32) as usize] >> (cell % 32) & 1 != 0
     }
 }
