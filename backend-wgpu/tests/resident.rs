@@ -622,6 +622,28 @@ fn planted_faults_are_found() {
             "|| !is_opaque(triangle, candidate.weights)",
             "",
         ),
+        (TraceShapes, "nearer shapes", "|| t < hit.t ||", "|| t > hit.t ||"),
+        (TraceShapes, "order of shapes", "hit.t < before.t ||", "hit.t > before.t ||"),
+        (TraceShapes, "limits of shapes", "0x00800000u) + 1u", "0x00800000u) - 1u"),
+        (TraceShapes, "far ends", "select(span.t.x, span.t.y, k == 1u)", "span.t.x"),
+        (
+            TraceShapes,
+            "sides of shapes",
+            "select(CULL_FRONT, CULL_BACK,",
+            "select(CULL_BACK, CULL_FRONT,",
+        ),
+        (TraceShapes, "ignored shapes", "|| next.instance == ignored", ""),
+        (TraceShapes, "places of shapes", "2u * next.instance;", "2u * (next.instance ^ 1u);"),
+        (TraceShapes, "second ends", "at = minus3(start, axis);", "at = start;"),
+        (TraceShapes, "planes", "vec2<f32>(low, high), low < high);", "-no_span(), low < high);"),
+        (TraceShapes, "places on axes", "select(span.u.x, span.u.y, k == 1u)", "span.u.x"),
+        (TraceShapes, "scales", "size + 2 - ray.exponent", "size + 1 - ray.exponent"),
+        (
+            TraceShapes,
+            "radii",
+            "snapped_product(snap(first.w), 0.25)",
+            "snapped_product(snap(first.w), 0.5)",
+        ),
     ];
     let cpu = CpuBackend::new();
     let kinds = [Kind::Ordinary, Kind::IllConditioned, Kind::Coincident, Kind::Wide];
