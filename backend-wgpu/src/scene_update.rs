@@ -23,13 +23,11 @@ use crate::device::host;
 /// every error.
 ///
 /// ```no_run
-/// # use splitplane_core::backend::BuildOptions;
 /// # use splitplane_core::backend::scene::{FinishError, SceneAccelerator};
 /// # use splitplane_core::scene::Scene;
-/// # use splitplane_wgpu::{PendingSceneUpdate, WgpuBackend, WgpuScene};
+/// # use splitplane_wgpu::PendingSceneUpdate;
 /// fn frame(
-///     backend: &WgpuBackend,
-///     built: &mut WgpuScene,
+///     built: &mut dyn SceneAccelerator,
 ///     description: &Scene,
 ///     pending: &mut PendingSceneUpdate,
 /// ) -> Result<(), FinishError> {
