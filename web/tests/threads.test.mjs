@@ -50,7 +50,7 @@ test("threads: refusals first, then the native answers", { skip, timeout: 120_00
     assert.ok(found.found > 1000);
 });
 
-// V8's first compiler alone, always: what it is given while functions are new. See scripts/guard-waits.mjs; without that a third of the rounds or more never end.
+// V8's first compiler alone, always: what it is given while functions are new. See scripts/guard-waits.mjs; without that a fifth to a half of the rounds never end.
 test("threads begin in code of the first compiler", { skip, timeout: 120_000 }, () => {
     const program = fileURLToPath(new URL("threads-begins.mjs", import.meta.url));
     const answers = new Set();

@@ -5,7 +5,7 @@ mod table;
 use alloc::vec::Vec;
 use thiserror::Error;
 
-use super::description::{Instance, Scene};
+use super::description::{Instance, Scene, reserve};
 use super::error::SceneError;
 use super::hit::InstanceId;
 use super::transform::{IDENTITY, in_f64};
@@ -217,9 +217,4 @@ impl BakedMesh {
         }
         Ok(())
     }
-}
-
-fn reserve<T>(list: &mut Vec<T>, more: usize) -> Result<(), SceneError> {
-    let bytes = more.saturating_mul(size_of::<T>()) as u64;
-    list.try_reserve(more).map_err(|_| SceneError::OutOfMemory { bytes })
 }

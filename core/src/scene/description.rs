@@ -89,7 +89,7 @@ fn copied<T: Copy>(slice: &[T]) -> Result<Vec<T>, SceneError> {
     Ok(own)
 }
 
-fn reserve<T>(list: &mut Vec<T>, more: usize) -> Result<(), SceneError> {
+pub(super) fn reserve<T>(list: &mut Vec<T>, more: usize) -> Result<(), SceneError> {
     let bytes = more.saturating_mul(size_of::<T>()) as u64;
     list.try_reserve(more).map_err(|_| SceneError::OutOfMemory { bytes })
 }

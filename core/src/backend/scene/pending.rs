@@ -8,14 +8,12 @@ use thiserror::Error;
 use super::accelerator::SceneAccelerator;
 use super::built::BuiltScene;
 use super::shared::SharedGeometry;
-use super::update::UpdateReport;
+use super::update::{UpdateReport, push};
 use crate::backend::{Accelerator, Backend, BuildOptions};
 use crate::cancel::go_on;
 use crate::error::BuildError;
 use crate::mesh::Mesh;
-use crate::scene::{
-    Edits, GeometryId, GeometryMesh, OpacityMask, Scene, SceneBuildError, SceneError,
-};
+use crate::scene::{Edits, GeometryId, GeometryMesh, OpacityMask, Scene, SceneBuildError};
 use crate::watch::{Progress, Stage};
 
 /// Why a pending update was not put in place. The scene is what it was, and the update has all trees that it had.
@@ -297,11 +295,4 @@ impl PendingUpdate {
         self.parts.clear();
         Ok(report)
     }
-}
-
-fn push<T>(list: &mut Vec<T>, one: T) -> Result<(), SceneBuildError> {
-    let bytes = size_of::<T>() as u64;
-    list.try_reserve(1).map_err(|_| SceneError::OutOfMemory { bytes })?;
-    list.push(one);
-    Ok(())
 }

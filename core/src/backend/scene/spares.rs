@@ -6,11 +6,11 @@ use alloc::vec::Vec;
 
 use super::accelerator::SceneAccelerator;
 use super::shared::{SharedGeometry, bytes_of};
-use super::update::UpdateReport;
+use super::update::{UpdateReport, push, reserve};
 use crate::backend::{Accelerator, Backend, BuildOptions};
 use crate::error::BuildError;
 use crate::mesh::Mesh;
-use crate::scene::{GeometryId, GeometryMesh, Scene, SceneBuildError, SceneError};
+use crate::scene::{GeometryId, GeometryMesh, Scene, SceneBuildError};
 
 /// Brings a scene up to date as [`Backend::update_scene`] does, and keeps memory: for meshes whose vertices move every frame.
 ///
@@ -87,12 +87,9 @@ impl SceneUpdater {
         }
         // What cannot be kept later is asked for before anything changes.
         let more = self.asked.len();
-        let lacking = |_| SceneError::OutOfMemory {
-            bytes: (more * size_of::<(GeometryId, SharedGeometry)>()) as u64,
-        };
-        self.made.try_reserve(more).map_err(lacking)?;
-        self.current.try_reserve(more).map_err(lacking)?;
-        self.spares.try_reserve(more).map_err(lacking)?;
+        reserve(&mut self.made, more)?;
+        reserve(&mut self.current, more)?;
+        reserve(&mut self.spares, more)?;
         let asked = |name: &GeometryId| self.asked.iter().any(|(asked, _)| asked == name);
         let idle = self.spares.iter().filter(|(name, _)| !asked(name));
         let idle: u64 = idle.map(|(_, tree)| bytes_of(&**tree)).sum();
@@ -161,11 +158,4 @@ impl SceneUpdater {
             self.spares.push((name, tree));
         }
     }
-}
-
-fn push<T>(list: &mut Vec<T>, one: T) -> Result<(), SceneError> {
-    let bytes = size_of::<T>() as u64;
-    list.try_reserve(1).map_err(|_| SceneError::OutOfMemory { bytes })?;
-    list.push(one);
-    Ok(())
 }
