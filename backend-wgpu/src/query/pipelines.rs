@@ -139,6 +139,8 @@ impl Queries {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use splitplane_core::query::traverse::Query;
 
     use super::*;
@@ -160,17 +162,21 @@ mod tests {
                 assert!(!text.parts.is_empty());
             }
         }
-        let text = RayQueries::text(QueryKernel::TriangleLimits, &QueryVariant::default());
-        assert_eq!(text.name, "triangle_limits");
-        assert!(!text.parts.is_empty());
-        for query in [Query::Closest, Query::Any] {
-            for kernel in QueryKernel::of_compressed(query) {
-                assert!(!RayQueries::text(kernel, &QueryVariant::default()).parts.is_empty());
-            }
+        // Every shader of a query is the text of a kernel, and every kernel has one.
+        let tests =
+            [TriangleTest::Watertight, TriangleTest::MoellerTrumbore, TriangleTest::Certain];
+        let mut reached = BTreeSet::new();
+        for kernel in QueryKernel::ALL {
+            let plain = RayQueries::text(kernel, &QueryVariant::default());
+            assert!(!plain.parts.is_empty(), "{}", plain.name);
+            let texts = tests
+                .map(|test| RayQueries::text(kernel, &QueryVariant { test, by_halves: false }));
+            reached.extend(
+                texts.into_iter().filter(|text| !text.parts.is_empty()).map(|text| text.name),
+            );
         }
-        for kernel in QueryKernel::WAVE.into_iter().chain(QueryKernel::MASKED_WAVE) {
-            assert!(!RayQueries::text(kernel, &QueryVariant::default()).parts.is_empty());
-        }
-        assert_eq!(splitplane_shaders::QUERIES.len(), 23);
+        let all: BTreeSet<_> =
+            splitplane_shaders::QUERIES.iter().map(|shader| shader.name).collect();
+        assert_eq!(reached, all);
     }
 }
