@@ -7,7 +7,8 @@ use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::error::QueryError;
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
 use splitplane_core::scene::{
-    GeometryId, IgnoredTriangle, Instance, InstanceId, Scene, SceneHit, SceneOptions, TopRay,
+    GeometryId, IDENTITY, IgnoredTriangle, Instance, InstanceId, Scene, SceneHit, SceneOptions,
+    TopRay,
 };
 use splitplane_core::watch::{Progress, Watch};
 use splitplane_cpu::{CpuBackend, InstructionSet};
@@ -38,6 +39,18 @@ fn rays(scene: &Scene, seed: u64) -> Vec<Ray> {
     rays[72] = some.with_limits(2.0, 1.0);
     rays[73] = Ray::new(some.origin, [1.0, f32::INFINITY, 0.0]);
     rays[74] = Ray::new(some.origin, [1e-42, 1e30, -1e30]);
+    // Zeros of both signs, towards the middle and elsewhere.
+    for (number, ray) in rays[80..128].iter_mut().enumerate() {
+        let axis = number % 3;
+        let zero = if number % 2 == 0 { 0.0 } else { -0.0 };
+        let mut direction = [zero; 3];
+        direction[axis] = if ray.origin[axis] < 0.0 { 1.0 } else { -1.0 };
+        if number % 4 < 2 {
+            ray.origin[(axis + 1) % 3] = -zero;
+            ray.origin[(axis + 2) % 3] = zero;
+        }
+        ray.direction = direction;
+    }
     rays[75] = some.with_limits(f32::NAN, 1.0);
     rays
 }
@@ -48,7 +61,11 @@ fn batches_find_what_the_instance_gives_ray_by_ray() {
     let (mut found, mut lone, mut ignored) = (0, 0, 0);
     for kind in Kind::ALL {
         for seed in 0..12 {
-            let (scene, _) = objects::scene(kind, 1, 100 + seed);
+            let (mut scene, _) = objects::scene(kind, 1, 100 + seed);
+            if seed % 3 == 0 {
+                // Rays of an instance in place go to the mesh as they are.
+                scene.move_instance(InstanceId(0), IDENTITY).expect("a place");
+            }
             let rays = rays(&scene, seed);
             let some = rays.iter().filter(|ray| TopRay::new(ray).is_some()).count() as u64;
             assert!(some + 5 <= rays.len() as u64);

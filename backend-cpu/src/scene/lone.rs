@@ -1,4 +1,5 @@
 //! A scene of one instance: its rays go into its space, and the mesh's own batch answers them, in packets and in turn as it does for a mesh by itself.
+//! Those of an instance in place are there already.
 //!
 //! That is what all instances give, one after the other, where there is one. No tree over instances is asked, and a ray that misses the box costs what it costs the mesh.
 
@@ -8,9 +9,10 @@ use splitplane_core::backend::scene::{
 };
 use splitplane_core::error::{QueryError, refused};
 use splitplane_core::query::traverse::Query;
-use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
-use splitplane_core::report::QueryReport;
-use splitplane_core::scene::{InstanceId, Placement, SceneHit, SceneOptions, SceneReport, TopRay};
+use splitplane_core::ray::{Accuracy, Hit, Ray};
+use splitplane_core::scene::{
+    IDENTITY, InstanceId, Placement, SceneHit, SceneOptions, SceneReport, TopRay,
+};
 use splitplane_core::watch::Stage;
 
 use super::batch::{BLOCK, WATCHED_BLOCK};
@@ -83,72 +85,75 @@ impl<'a> Lone<'a> {
         answers: &mut [T],
     ) -> Result<SceneReport, QueryError> {
         let (placement, name, mut report) = (self.placement, InstanceId(0), SceneReport::default());
-        answers.fill(T::NONE);
-        let Some(asked) = Asked::of(name, placement, self.options) else { return Ok(report) };
-        let query = &self.options.of_geometry(asked.culling, asked.ignore, None);
-        report.entered = seen.look(placement, rays)?;
-        report.batches = 1;
-        let found = self.answers_of(seen, query, T::QUERY)?;
-        report.geometries.append(found, 0)?;
-        if T::QUERY == Query::Any {
-            for (answer, _) in answers.iter_mut().zip(&seen.any).filter(|(_, any)| **any) {
-                answer.take(SceneHit::MISS);
-            }
+        let Some(asked) = Asked::of(name, placement, self.options) else {
+            answers.fill(T::NONE);
             return Ok(report);
-        }
-        let geometry = placement.instance.geometry;
-        for (answer, hit) in answers.iter_mut().zip(&seen.hits).filter(|(_, hit)| hit.is_hit()) {
-            answer.take(SceneHit::of(hit, geometry, name));
-        }
-        Ok(report)
-    }
-
-    /// The mesh's answers.
-    fn answers_of(
-        &self,
-        Seen { rays, hits, any }: &mut Seen,
-        query: &QueryOptions<'_>,
-        asked: Query,
-    ) -> Result<QueryReport, QueryError> {
+        };
+        let query = &self.options.of_geometry(asked.culling, asked.ignore, None);
+        let Seen { rays: own, hits, any } = seen;
+        let (rays, entered) = if placement.space.inverse == IDENTITY {
+            (rays, rays.iter().filter(|ray| TopRay::new(ray).is_some()).count() as u64)
+        } else {
+            look(placement, rays, own)?
+        };
+        (report.entered, report.batches) = (entered, 1);
         let (mesh, count) = (self.built.accelerator(), rays.len());
-        match asked {
+        let found = match T::QUERY {
             Query::Any => {
-                any.clear();
-                any.try_reserve(count).map_err(|_| refused(count as u64))?;
-                any.resize(count, false);
-                mesh.any_hits(rays, any, query)
+                let any = at_least(any, count, false)?;
+                let found = mesh.any_hits(rays, any, query)?;
+                for (answer, any) in answers.iter_mut().zip(any) {
+                    *answer = T::NONE;
+                    if *any {
+                        answer.take(SceneHit::MISS);
+                    }
+                }
+                found
             }
             Query::Closest => {
-                hits.clear();
-                let bytes = (count * size_of::<Hit>()) as u64;
-                hits.try_reserve(count).map_err(|_| refused(bytes))?;
-                hits.resize(count, Hit::MISS);
-                mesh.closest_hits(rays, hits, query)
+                let hits = at_least(hits, count, Hit::MISS)?;
+                let found = mesh.closest_hits(rays, hits, query)?;
+                let geometry = placement.instance.geometry;
+                for (answer, hit) in answers.iter_mut().zip(hits) {
+                    *answer = T::NONE;
+                    answer.take(SceneHit::of(hit, geometry, name));
+                }
+                found
             }
-        }
+        };
+        report.geometries.append(found, 0)?;
+        Ok(report)
     }
 }
 
-impl Seen {
-    /// Looks at rays as the instance does. Returns how many there are that can hit anything.
-    fn look(&mut self, placement: &Placement, rays: &[Ray]) -> Result<u64, QueryError> {
-        /// No `t` is between its limits.
-        const NONE: Ray =
-            Ray { origin: [0.0; 3], t_min: 1.0, direction: [0.0, 0.0, 1.0], t_max: 0.0 };
-        self.rays.clear();
-        let bytes = size_of_val(rays) as u64;
-        self.rays.try_reserve(rays.len()).map_err(|_| refused(bytes))?;
-        let mut entered = 0;
-        for ray in rays {
-            let seen = if TopRay::new(ray).is_some() {
-                entered += 1;
-                let limits = [ray.t_min, limit_within(ray, &SceneHit::MISS)];
-                WorldRay::new(ray).seen_by(placement, limits).ray()
-            } else {
-                NONE
-            };
-            self.rays.push(seen);
-        }
-        Ok(entered)
+/// As many elements, some of them from before.
+fn at_least<T: Copy>(list: &mut Vec<T>, count: usize, new: T) -> Result<&mut [T], QueryError> {
+    let more = count.saturating_sub(list.len());
+    list.try_reserve(more).map_err(|_| refused((more * size_of::<T>()) as u64))?;
+    list.resize(list.len() + more, new);
+    Ok(&mut list[..count])
+}
+
+/// Rays as the instance sees them, and how many there are that can hit anything.
+fn look<'a>(
+    placement: &Placement,
+    rays: &[Ray],
+    seen: &'a mut Vec<Ray>,
+) -> Result<(&'a [Ray], u64), QueryError> {
+    /// No `t` is between its limits.
+    const NONE: Ray = Ray { origin: [0.0; 3], t_min: 1.0, direction: [0.0, 0.0, 1.0], t_max: 0.0 };
+    seen.clear();
+    seen.try_reserve(rays.len()).map_err(|_| refused(size_of_val(rays) as u64))?;
+    let mut entered = 0;
+    for ray in rays {
+        let own = if TopRay::new(ray).is_some() {
+            entered += 1;
+            let limits = [ray.t_min, limit_within(ray, &SceneHit::MISS)];
+            WorldRay::new(ray).seen_by(placement, limits).ray()
+        } else {
+            NONE
+        };
+        seen.push(own);
     }
+    Ok((seen, entered))
 }
