@@ -166,6 +166,9 @@ impl Supply<'_> {
         if IndexedLeaves::of(layout).is_some() {
             return;
         }
+        if !exactly && !self.packet.is_worth_it::<S>() {
+            return;
+        }
         let sizes = if self.packet.keeps_together() { &[CHUNK, S::N][..] } else { &[S::N] };
         for &lanes in sizes {
             for first in (0..CHUNK).step_by(lanes) {

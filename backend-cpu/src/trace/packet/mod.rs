@@ -19,6 +19,7 @@ mod take;
 #[cfg(test)]
 mod tests;
 mod triangle;
+mod worth;
 
 use std::collections::TryReserveError;
 
@@ -30,6 +31,7 @@ use self::bounds::{Bounds, greatest};
 use self::exact::ExactPacket;
 use self::group::Group;
 use self::row::{GroupRow, load};
+use self::worth::Worth;
 use crate::layout::packed_block::PackedBlock;
 use crate::layout::tree_layout::TreeLayout;
 use crate::layout::wide_node::{CacheLine, children_offset, is_leaf, leaf_number, lines_of_node};
@@ -44,13 +46,6 @@ use crate::trace::watertight::Span;
 const FEW: u32 = 2;
 /// Blocks of fewer triangles are not searched for those that the packet can meet.
 const WORTH_CULLING: usize = 3;
-/// Large packets pay where, of a packet's rays that come to a block, at least `ENOUGH` of
-/// `ENOUGH_OF` meet it.
-const ENOUGH: u64 = 2;
-const ENOUGH_OF: u64 = 5;
-/// About this many of the latest rays that came to blocks are remembered.
-const LATELY: u64 = 1 << 12;
-
 /// The fewest lanes of any set, and so the most groups.
 const FEWEST_LANES: usize = 8;
 const MOST_GROUPS: usize = CHUNK / FEWEST_LANES;
@@ -70,9 +65,7 @@ pub(crate) struct Packet {
     /// What exact rays need in addition. A page would load what they take; there they go one by one.
     #[cfg(not(target_family = "wasm"))]
     exact: ExactPacket,
-    /// Of the rays of packets that came to blocks of late, how many there were and how many met the block.
-    came: u64,
-    met: u64,
+    worth: Worth,
 }
 
 /// The prepared rays of a packet, and the current group.
@@ -161,8 +154,7 @@ impl Packet {
             stack: PacketStack { nodes: Vec::new(), places: Vec::new(), t: Vec::new() },
             #[cfg(not(target_family = "wasm"))]
             exact: ExactPacket::none(),
-            came: 0,
-            met: 0,
+            worth: Worth::default(),
         }
     }
 
@@ -199,7 +191,13 @@ impl Packet {
     /// Whether rays have stayed together so far: then packets may be large.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) fn keeps_together(&self) -> bool {
-        self.met * ENOUGH_OF >= self.came * ENOUGH
+        self.worth.keeps_together()
+    }
+
+    /// Whether the next rays, which are not exact, should go in packets.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) fn is_worth_it<S: Simd>(&mut self) -> bool {
+        self.worth.is_there(S::N)
     }
 
     /// Traces the rays that were taken, in `G` groups. They must not be exact.
@@ -233,9 +231,7 @@ impl Packet {
         options: &QueryOptions<'_>,
         query: Query,
     ) {
-        if self.came > LATELY {
-            (self.came, self.met) = (self.came / 2, self.met / 2);
-        }
+        self.worth.begins(G * S::N);
         let (lines, words) = (layout.wide.lines().as_ptr(), &layout.words[..]);
         let room = layout.wide.stack();
         let PacketStack { nodes, places, t } = &self.stack;
@@ -368,12 +364,12 @@ impl Packet {
         query: Query,
     ) -> bool {
         let mut triangles = (1u32 << block.count()) - 1;
-        let mut most = 0;
+        let (mut most, mut met) = (0, 0);
         for rays in active {
             most = rays.count_ones().max(most);
-            self.met += u64::from(rays.count_ones());
+            met += rays.count_ones();
         }
-        self.came += (G * S::N) as u64;
+        self.worth.at_block(G * S::N, met);
         let fast = options.accuracy == Accuracy::Fast;
         if most > FEW && !fast && block.count() >= WORTH_CULLING {
             // SAFETY: the caller's contract.
