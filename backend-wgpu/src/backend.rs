@@ -359,6 +359,21 @@ impl WgpuBackend {
         Ok(())
     }
 
+    /// As [`Backend::build_scene`], as this backend's own type: for [`WgpuScene::bindings`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn build_wgpu_scene(
+        &self,
+        scene: &Scene,
+        options: &BuildOptions<'_>,
+    ) -> Result<WgpuScene, SceneBuildError> {
+        self.check_shapes(scene)?;
+        let queries = Arc::clone(&self.shared.queries);
+        let mut build = |mesh: &Mesh<'_>, options: &BuildOptions<'_>| self.build(mesh, options);
+        WgpuScene::build(queries, scene, options, &mut build)
+    }
+
     /// As [`Backend::build_scene`], without blocking while the device builds geometries. Trees over shapes are built on the CPU, in one piece.
     ///
     /// # Errors
@@ -557,10 +572,7 @@ impl Backend for WgpuBackend {
         scene: &Scene,
         options: &BuildOptions<'_>,
     ) -> Result<Box<dyn SceneAccelerator>, SceneBuildError> {
-        self.check_shapes(scene)?;
-        let queries = Arc::clone(&self.shared.queries);
-        let mut build = |mesh: &Mesh<'_>, options: &BuildOptions<'_>| self.build(mesh, options);
-        Ok(Box::new(WgpuScene::build(queries, scene, options, &mut build)?))
+        Ok(Box::new(self.build_wgpu_scene(scene, options)?))
     }
 
     fn load(

@@ -141,6 +141,9 @@ pub enum GpuError {
     /// A page in a browser cannot wait for a device; the asynchronous calls do not need to.
     #[error("nothing can wait for a device here: use the asynchronous calls")]
     CannotBlock,
+    /// A scene that the device does not hold, which the CPU answers in its place: why.
+    #[error("the scene is not on the device: {0}")]
+    NotHeld(String),
     /// wgpu or the driver refused something that should be right: a bug here or there.
     #[error("the device refused a command: {0}")]
     Refused(String),
@@ -177,6 +180,7 @@ impl GpuError {
             | GpuError::DriverLimit { .. }
             | GpuError::Unfinished { .. }
             | GpuError::CannotBlock
+            | GpuError::NotHeld(_)
             | GpuError::Refused(_) => DeviceError::Failed(self.to_string()),
         })
     }

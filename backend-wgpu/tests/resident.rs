@@ -4,7 +4,10 @@
 
 #[path = "common/hostile.rs"]
 mod hostile;
+#[path = "common/odd_rays.rs"]
+mod odd_rays;
 
+use odd_rays::odd;
 use splitplane_core::backend::scene::{SceneAccelerator, TopUpdate};
 use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::error::{BuildError, DeviceError};
@@ -60,23 +63,6 @@ fn asked(names: &[InstanceId]) -> [SceneOptions<'static>; 4] {
         SceneOptions { culling: Culling::Front, mask: 0x0f0f_00ff, ..all },
         SceneOptions { ignore, mask: 0x8000_0001, ..all },
     ]
-}
-
-/// Rays that hit nothing, whatever there is, or that are odd otherwise.
-fn odd(rays: &[Ray]) -> Vec<Ray> {
-    let [nan, infinite] = [f32::NAN, f32::INFINITY];
-    let change = |(i, ray): (usize, &Ray)| match i % 9 {
-        0 => Ray::new([nan, 0.0, 0.0], ray.direction),
-        1 => Ray::new(ray.origin, [0.0, infinite, 1.0]),
-        2 => Ray::new(ray.origin, [0.0, -0.0, 0.0]),
-        3 => ray.with_limits(1.0, 0.5),
-        4 => ray.with_limits(nan, 1.0),
-        5 => ray.with_limits(-infinite, -0.0),
-        6 => Ray::new(ray.origin.map(|x| x + 1e19), ray.direction),
-        7 => Ray::new(ray.origin, ray.direction.map(|x| x * 1e20)),
-        _ => Ray::new(ray.origin, ray.direction.map(|x| x * 1e-20)),
-    };
-    rays.iter().enumerate().map(change).collect()
 }
 
 /// How many scenes of each kind, and how many rays go through each by each setting, a sixth of them odd ones.

@@ -64,6 +64,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     // A .ply has no place for textures.
     let options = SceneOptions {
         textures: is_glb,
+        // Files for others keep instances.
+        bake: false,
         file_limit: arguments.max_file,
         ..SceneOptions::default()
     };

@@ -10,7 +10,9 @@
 
 use super::failure::Failure;
 use super::{files, npy};
-use splitplane::objects::{BuiltScene, InstanceId, SceneAllHits, SceneClosestPoint, SceneHit};
+use splitplane::objects::{
+    BakedTable, BuiltScene, InstanceId, SceneAllHits, SceneClosestPoint, SceneHit,
+};
 use splitplane::{AllHits, ClosestPoint, Hit, Located, Location, QueryError, Rule};
 use std::path::{Path, PathBuf};
 
@@ -68,22 +70,34 @@ fn write_with_starts(path: &Path, bytes: &[u8], all: &[usize]) -> Result<[PathBu
     Ok([path.to_owned(), beside])
 }
 
-/// Geometry, instance, and the user's number of the instance.
-fn names(scene: &BuiltScene, geometry: u32, instance: u32) -> [u32; 3] {
-    let placement = scene.placement(InstanceId(instance));
-    [geometry, instance, placement.map_or(u32::MAX, |placement| placement.instance.id)]
+/// A scene that is built, and what its triangles were in its file.
+pub(super) struct Named<'a> {
+    pub(super) scene: &'a BuiltScene,
+    pub(super) table: &'a BakedTable,
+}
+
+impl Named<'_> {
+    /// The triangle, its geometry, its instance, and the user's number of that: the file's.
+    fn names(&self, triangle: u32, geometry: u32, instance: u32) -> (u32, [u32; 3]) {
+        let placement = self.scene.placement(InstanceId(instance));
+        let number = placement.map_or(u32::MAX, |placement| placement.instance.id);
+        match self.table.original(InstanceId(instance), triangle) {
+            Some((instance, geometry, triangle)) => (triangle, [geometry.0, instance.0, number]),
+            None => (triangle, [geometry, instance, number]),
+        }
+    }
 }
 
 /// Writes closest hits with many objects; a miss is `inf 4294967295 0 0` and three times 4294967295.
 pub(super) fn write_scene_closest(
     path: &Path,
     hits: &[SceneHit],
-    scene: &BuiltScene,
+    scene: &Named<'_>,
 ) -> Result<(), Failure> {
     let mut bytes = start(path, SCENE_HIT_TYPE, 28, hits.len())?;
     for hit in hits {
-        let words = [hit.t.to_bits(), hit.triangle, hit.u.to_bits(), hit.v.to_bits()];
-        let names = names(scene, hit.geometry, hit.instance);
+        let (triangle, names) = scene.names(hit.triangle, hit.geometry, hit.instance);
+        let words = [hit.t.to_bits(), triangle, hit.u.to_bits(), hit.v.to_bits()];
         bytes.extend(words.into_iter().chain(names).flat_map(u32::to_le_bytes));
     }
     files::write(path, &bytes)
@@ -93,13 +107,13 @@ pub(super) fn write_scene_closest(
 pub(super) fn write_scene_all(
     path: &Path,
     all: &SceneAllHits,
-    scene: &BuiltScene,
+    scene: &Named<'_>,
 ) -> Result<[PathBuf; 2], Failure> {
     let mut bytes = start(path, SCENE_CROSSING_TYPE, 32, all.crossings.len())?;
     for met in &all.crossings {
         let SceneHit { t, triangle, u, v, geometry, instance } = met.hit;
+        let (triangle, names) = scene.names(triangle, geometry, instance);
         let words = [t.to_bits(), triangle, u.to_bits(), v.to_bits(), u32::from(met.front)];
-        let names = names(scene, geometry, instance);
         bytes.extend(words.into_iter().chain(names).flat_map(u32::to_le_bytes));
     }
     write_with_starts(path, &bytes, &all.starts)
@@ -110,7 +124,7 @@ pub(super) fn write_scene_closest_points(
     path: &Path,
     closest: &[SceneClosestPoint],
     signs: Option<&Located>,
-    scene: &BuiltScene,
+    scene: &Named<'_>,
 ) -> Result<(), Failure> {
     let mut bytes = start(path, SCENE_CLOSEST_POINT_TYPE, 40, closest.len())?;
     for (place, closest) in closest.iter().enumerate() {
@@ -118,8 +132,8 @@ pub(super) fn write_scene_closest_points(
         let SceneClosestPoint { point: [x, y, z], triangle, u, v, geometry, instance, .. } =
             *closest;
         let [x, y, z, u, v] = [x, y, z, u, v].map(f32::to_bits);
+        let (triangle, names) = scene.names(triangle, geometry, instance);
         let words = [distance.to_bits(), triangle, u, v, x, y, z];
-        let names = names(scene, geometry, instance);
         bytes.extend(words.into_iter().chain(names).flat_map(u32::to_le_bytes));
     }
     files::write(path, &bytes)

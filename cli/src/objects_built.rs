@@ -5,8 +5,8 @@ use super::options::Common;
 use super::prepared::{counted, milliseconds};
 use super::{output, progress};
 use serde::Serialize;
-use splitplane::objects::SceneAccelerator;
 use splitplane::objects::file::SceneFile;
+use splitplane::objects::{BakedTable, SceneAccelerator};
 use splitplane::scene::InstancedScene;
 use splitplane::scene::instanced::is_saved;
 use splitplane::{BackendInfo, BuildOptions, LoadOptions};
@@ -18,6 +18,8 @@ use std::time::Instant;
 /// A scene of many objects that is built or loaded.
 pub(super) struct BuiltObjects {
     pub(super) accelerator: Box<dyn SceneAccelerator>,
+    /// What triangles were in the scene's file.
+    pub(super) table: BakedTable,
     name: String,
     info: BackendInfo,
     reason: String,
@@ -76,7 +78,8 @@ impl BuiltObjects {
             output::note(&format!("note: the CPU finds the instances that rays enter: {reason}"));
         }
         let (preset, reason) = (options.config.preset().name(), opened.reason);
-        Ok(BuiltObjects { accelerator, name, info, reason, preset, build_ms, loaded })
+        let table = scene.map(|scene| scene.baked.table).unwrap_or_default();
+        Ok(BuiltObjects { accelerator, table, name, info, reason, preset, build_ms, loaded })
     }
 
     pub(super) fn report(&self) -> ObjectsReport {

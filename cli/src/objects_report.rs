@@ -42,10 +42,10 @@ impl ObjectStage {
         let (scene, built) = (&self.scene, self.tracer.scene().scene());
         Built {
             scene: scene.name.clone(),
-            geometries: scene.geometries.len(),
-            triangles: scene.parts.indices.len(),
+            geometries: built.geometries().count(),
+            triangles: scene.triangles(),
             shapes: scene.solids(),
-            instances: scene.instances.len(),
+            instances: built.placements().count(),
             instanced_triangles: scene.instanced_triangles(),
             backend: self.info.name.clone(),
             adapter: self.info.adapter.clone(),

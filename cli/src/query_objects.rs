@@ -1,15 +1,15 @@
 //! `splitplane query` of scenes of many objects.
 
 use super::failure::Failure;
+use super::hit_file::{self, Named};
 use super::objects_built::{BuiltObjects, ObjectsReport};
 use super::prepared::{counted, milliseconds, print_json};
 use super::query_asked::{Asked, OfScene, accuracy_name};
 use super::query_given::{Arguments, Kind, UndecidedName, median};
-use super::{hit_file, output, progress};
+use super::{output, progress};
 use serde::Serialize;
 use splitplane::objects::{
-    BuiltScene, SceneAccelerator, SceneAllHitsOptions, SceneClosestPointOptions, SceneOptions,
-    SceneReport,
+    SceneAccelerator, SceneAllHitsOptions, SceneClosestPointOptions, SceneOptions, SceneReport,
 };
 use splitplane::{LocateOptions, QueryReport};
 use std::path::{Path, PathBuf};
@@ -73,7 +73,8 @@ impl Asked<OfScene> {
         })
     }
 
-    fn write(&self, path: &Path, scene: &BuiltScene) -> Result<Vec<PathBuf>, Failure> {
+    fn write(&self, path: &Path, built: &BuiltObjects) -> Result<Vec<PathBuf>, Failure> {
+        let scene = &Named { scene: built.accelerator.scene(), table: &built.table };
         match self {
             Asked::Closest(_, hits) => hit_file::write_scene_closest(path, hits, scene)?,
             Asked::Any(_, hits) => hit_file::write_any(path, hits, &[])?,
@@ -120,7 +121,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     drop(watch);
     let written = match &arguments.hits {
-        Some(path) => asked.write(path, built.accelerator.scene())?,
+        Some(path) => asked.write(path, &built)?,
         None => Vec::new(),
     };
     let trace_ms = median(&mut times);

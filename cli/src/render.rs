@@ -146,7 +146,8 @@ impl Arguments {
         let render_ms = milliseconds(start);
         spinner.finish_and_clear();
         let size = look.size;
-        let (hits, costs) = (stage.tracer.first_hits(), stage.tracer.first_costs());
+        let hits = stage.scene.baked.original_hits(stage.tracer.first_hits());
+        let (hits, costs) = (&*hits, stage.tracer.first_costs());
         let (radiance, pixels) = (stage.tracer.radiance(), stage.tracer.pixels());
         let made = Made { size, hits, costs, radiance, pixels };
         let written = self.write_made(&path, &made, settings.as_ref())?;

@@ -358,3 +358,126 @@ fn a_mesh_alone_shows_its_holes() {
         ],
     );
 }
+
+/// A floor, four parts in places that are exact, one of them reflected and one moved, and a ball; three parts are baked.
+const BAKED: &str = r#"{
+  "format": "splitplane-scene", "version": 1, "frames": 3,
+  "materials": [{"name": "red", "diffuse": [0.8, 0.1, 0.1]}],
+  "geometries": [
+    {"name": "ball", "spheres": [{"centre": [4, 1, 2], "radius": 1}]},
+    {"name": "part", "obj": "part.obj", "group": "top", "material": "red"},
+    {"name": "floor", "positions": [[-8,0,-8],[-8,0,8],[8,0,8],[8,0,-8]], "triangles": [[0,1,2],[0,2,3]]}
+  ],
+  "instances": [
+    {"geometry": "ball"},
+    {"geometry": "part", "translate": [0, 1, 0], "scale": 2, "id": 5, "bake": "parts"},
+    {"geometry": "floor", "id": 9, "bake": "ground"},
+    {"geometry": "part", "keys": [{"frame": 0, "translate": [-2, 1, 0]}, {"frame": 2, "translate": [-2, 3, 0]}]},
+    {"geometry": "part", "translate": [4, 0.5, 0], "scale": [-1, 2, 1], "id": 5, "bake": "parts"},
+    {"geometry": "part", "translate": [-4, 0.5, 0], "id": 5, "bake": "parts", "material": "red"}
+  ],
+  "cameras": [{"eye": [0, 3, 9], "at": [0, 1, 0]}],
+  "lights": [{"sun": {"towards": [1, 2, 1], "irradiance": [3, 3, 3]}}]
+}"#;
+
+/// Answers of a baked scene have the names of the file: those of the scene whose instances are not baked.
+#[test]
+fn baked_instances_keep_their_names() {
+    let folder = folder();
+    let path = |name: &str| folder.path().join(name);
+    fs::write(path("baked.json"), BAKED).unwrap();
+    let plain = BAKED.replace(", \"bake\": \"parts\"", "").replace(", \"bake\": \"ground\"", "");
+    assert!(!plain.contains("bake"));
+    fs::write(path("plain.json"), plain).unwrap();
+    let cpu = ["--backend", "cpu"];
+    // Rays down on everything, and from the front.
+    let mut rays: Vec<[f32; 8]> = Vec::new();
+    for i in 0..40u8 {
+        for j in 0..12u8 {
+            let (x, z) = (0.25 * f32::from(i) - 4.875, 0.25 * f32::from(j) - 0.625);
+            rays.push([x, 6.0, z, 0.0, -1.0, 0.0, 0.0, f32::INFINITY]);
+            let y = 0.5625 + 0.25 * f32::from(j);
+            rays.push([x, y, 6.0, 0.0, 0.0, -1.0, 0.0, 20.0]);
+        }
+    }
+    numbers(&path("rays.f32"), &rays.iter().map(|ray| &ray[..]).collect::<Vec<_>>());
+    let points: Vec<[f32; 3]> = rays.iter().map(|ray| [ray[0], 1.5, ray[2]]).collect();
+    numbers(&path("points.f32"), &points.iter().map(|point| &point[..]).collect::<Vec<_>>());
+    let ask = |scene: &str, hits: &str, more: &[&str]| {
+        let hits = ["--hits", hits, "--json"];
+        let (out, _) = ends(&folder, 0, &[&["query", scene], more, &cpu, &hits].concat());
+        serde_json::from_str::<Value>(&out).unwrap()
+    };
+    for (kind, given, columns) in [
+        ("closest", ["--rays", "rays.f32"], 7),
+        ("all", ["--rays", "rays.f32"], 8),
+        ("closest-point", ["--points", "points.f32"], 10),
+    ] {
+        let more = [&given[..], &["--kind", kind]].concat();
+        let baked = ask("baked.json", "baked.f32", &more);
+        let plain = ask("plain.json", "plain.f32", &more);
+        assert_eq!((&baked["instances"], &plain["instances"]), (&4.into(), &6.into()));
+        assert_eq!(baked["instanced_triangles"], plain["instanced_triangles"]);
+        assert_eq!(baked["hits"], plain["hits"]);
+        let records = words(&path("baked.f32"), columns);
+        let place = if kind == "closest" { 4 } else { columns - 3 };
+        let instances: std::collections::BTreeSet<u32> =
+            records.iter().map(|record| record[place + 1]).collect();
+        assert!((0..6).all(|instance| instances.contains(&instance)), "{kind}: {instances:?}");
+        assert!(records == words(&path("plain.f32"), columns), "{kind}");
+    }
+    // A file of what is built does not know the names: the comparison notices.
+    ends(
+        &folder,
+        0,
+        &[&["build", "baked.json", "-o", "baked.scene", "--quiet"], &cpu[..]].concat(),
+    );
+    ask("baked.scene", "saved.f32", &["--rays", "rays.f32"]);
+    ask("plain.json", "plain.f32", &["--rays", "rays.f32"]);
+    let named =
+        |name: &str| words(&path(name), 7).into_iter().map(|hit| hit[5]).collect::<Vec<_>>();
+    let (saved, file) = (named("saved.f32"), named("plain.f32"));
+    assert!(saved.contains(&1) && !saved.contains(&4) && saved != file);
+    // Pictures of what is seen where; of light they differ by roundings of normals.
+    for scene in ["baked", "plain"] {
+        let (file, picture) = (format!("{scene}.json"), format!("{scene}.png"));
+        let output = ["-o", &picture, "--json", "--aov", "triangle,instance"];
+        let (out, _) = ends(&folder, 0, &[&["render", &file], &SMALL[..], &cpu, &output].concat());
+        let report: Value = serde_json::from_str(&out).unwrap();
+        let counted = ["instances", "geometries", "triangles", "instanced_triangles"];
+        let expected = if scene == "baked" { [4, 4, 10, 10] } else { [6, 3, 4, 10] };
+        assert_eq!(counted.map(|name| report[name].as_u64()), expected.map(Some), "{report}");
+        let movie = ["--out", scene, "--quiet"];
+        ends(&folder, 0, &[&["animate", &file], &SMALL[..], &cpu, &movie].concat());
+        assert_eq!(fs::read_dir(path(scene)).unwrap().count(), 3);
+        let glb = format!("{scene}.glb");
+        ends(&folder, 0, &["convert", &file, &glb, "--quiet"]);
+    }
+    let read = |name: &str| fs::read(path(name)).unwrap();
+    let pixels = |name: &str| image::open(path(name)).unwrap().to_rgb8();
+    for aov in ["triangle", "instance"] {
+        let of = |scene: &str| pixels(&format!("{scene}.{aov}.png"));
+        assert!(of("baked") == of("plain"), "{aov}");
+    }
+    let (baked, plain) = (pixels("baked.png"), pixels("plain.png"));
+    let far = |a: &image::Rgb<u8>, b: &image::Rgb<u8>| (0..3).any(|k| a.0[k].abs_diff(b.0[k]) > 2);
+    assert!(!baked.pixels().zip(plain.pixels()).any(|(a, b)| far(a, b)));
+    // Files for other programs have instances.
+    assert!(read("baked.glb") == read("plain.glb"));
+    let (out, _) = ends(
+        &folder,
+        0,
+        &[&["verify", "baked.json", "--rays", "500", "--json"], &cpu[..]].concat(),
+    );
+    let report: Value = serde_json::from_str(&out).unwrap();
+    assert!(report["different"] == 0 && report["unexplained"] == 0, "{report}");
+    let broken = BAKED.replace(
+        "\"id\": 5, \"bake\": \"parts\", \"material\"",
+        "\"bake\": \"parts\", \"material\"",
+    );
+    fs::write(path("broken.json"), broken).unwrap();
+    let (_, error) = ends(&folder, 3, &["render", "broken.json", "-o", "x.png"]);
+    for words in ["line 15, column", "instances[5].bake", "another number than instance 1"] {
+        assert!(error.contains(words), "{words}: {error}");
+    }
+}

@@ -1,5 +1,6 @@
 //! Scenes of many objects: geometries, instances of them, and how they move.
 
+mod baked;
 mod boxes;
 mod cutout;
 #[cfg(feature = "json")]
@@ -12,6 +13,7 @@ mod pose;
 #[cfg(feature = "json")]
 mod saved;
 
+pub use baked::Baked;
 #[cfg(feature = "json")]
 pub use file::{MAX_FRAMES, MAX_INSTANCES, SceneFileError, SceneFileProblem, VERSION, parse, read};
 pub use pose::{Key, Pose};
@@ -121,6 +123,8 @@ pub struct InstancedScene {
     pub frames: u32,
     /// How long a frame is.
     pub seconds_per_frame: f64,
+    /// What a scene file's groups of baked instances have become.
+    pub baked: Baked,
 }
 
 /// Why an instanced scene is no description of objects.
@@ -181,7 +185,7 @@ impl InstancedScene {
         all.iter().map(|corners| corners.map(own)).collect()
     }
 
-    /// The description that backends build: geometries and instances have the names of their places here.
+    /// The description that backends build: geometries and instances have the names of their places here. Those that are [baked](Baked) are not there.
     ///
     /// # Errors
     /// Arrays that were changed to something that is not a mesh, a transform without an inverse, or no memory.
@@ -206,6 +210,7 @@ impl InstancedScene {
             let geometry = GeometryId(placed.geometry);
             scene.add_instance(objects::Instance { geometry, transform, mask, id, culling })?;
         }
+        self.baked.remove_from(&mut scene)?;
         Ok(scene)
     }
 
@@ -240,6 +245,14 @@ impl InstancedScene {
         let material = |placed: &Placed| placed.material.or_else(|| of_solids(placed));
         let materials = self.instances.iter().map(|placed| material(placed).unwrap_or(NONE));
         (first.collect(), materials.collect())
+    }
+
+    /// Triangles of all geometries of which there are instances, or were in no group that is [baked](Baked).
+    pub fn triangles(&self) -> usize {
+        // In ascending order.
+        let gone = |place: usize| self.baked.geometries.binary_search(&(place as u32)).is_ok();
+        let there = self.geometries.iter().enumerate().filter(|(place, _)| !gone(*place));
+        there.map(|(_, own)| own.triangles.len()).sum()
     }
 
     /// Spheres and capsules of all geometries.
@@ -277,7 +290,8 @@ impl From<Scene> for InstancedScene {
         let geometries = vec![own];
         let instances = vec![Placed::new(0, Pose::IDENTITY.transform())];
         let (frames, seconds_per_frame) = (1, 1.0 / 24.0);
-        InstancedScene { name, parts, geometries, instances, frames, seconds_per_frame }
+        let baked = Baked::default();
+        InstancedScene { name, parts, geometries, instances, frames, seconds_per_frame, baked }
     }
 }
 

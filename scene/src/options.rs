@@ -10,6 +10,8 @@ pub struct SceneOptions {
     /// Whether the pictures of `map_d`, which say where surfaces have holes, are read: see [`Scene::cutouts`](crate::Scene::cutouts). Scene files of
     /// many objects read them in any case.
     pub cutouts: bool,
+    /// Whether instances that a scene file bakes become one mesh, which is for rays; else they stay instances.
+    pub bake: bool,
     /// Most bytes that the texels of all textures together may take, four a texel. Textures are
     /// halved, the largest first, until they fit.
     pub texture_limit: u64,
@@ -41,6 +43,7 @@ impl Default for SceneOptions {
             materials: MaterialRule::default(),
             textures: true,
             cutouts: false,
+            bake: true,
             texture_limit: SceneOptions::TEXTURE_LIMIT,
             decode_limit: SceneOptions::DECODE_LIMIT,
             file_limit: None,

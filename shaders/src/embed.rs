@@ -3,8 +3,8 @@
 use alloc::format;
 use alloc::string::String;
 
-use crate::join;
 use crate::table::{TRAVERSAL, TRAVERSAL_BINDINGS, TRAVERSAL_TESTS};
+use crate::{Part, join};
 
 /// Which ray/triangle test a traversal has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -28,8 +28,13 @@ pub const TRAVERSAL_BINDING_COUNT: u32 = 4;
 /// The WGSL declarations of what a traversal reads: `nodes`, `leaf_references`, `triangles` and
 /// `scene`, at four bindings of `group` from `first_binding` on.
 pub fn traversal_bindings(group: u32, first_binding: u32) -> String {
-    let mut text = String::from(TRAVERSAL_BINDINGS.text);
-    for place in 0..TRAVERSAL_BINDING_COUNT {
+    bindings_at(&TRAVERSAL_BINDINGS, TRAVERSAL_BINDING_COUNT, group, first_binding)
+}
+
+/// A part that declares so many bindings from the first of group 0 on, with them elsewhere.
+pub(crate) fn bindings_at(part: &Part, count: u32, group: u32, first_binding: u32) -> String {
+    let mut text = String::from(part.text);
+    for place in 0..count {
         let old = format!("@group(0) @binding({place}) ");
         // A mark keeps a number that was replaced from being replaced again.
         let new = format!("@group({group}) @/binding({}) ", first_binding + place);

@@ -7,6 +7,7 @@ extern crate alloc;
 
 mod continued;
 mod embed;
+mod embed_scene;
 mod query;
 mod render;
 mod software;
@@ -16,6 +17,7 @@ pub use continued::{continue_lists, parts_by_halves};
 pub use embed::{
     TRAVERSAL_BINDING_COUNT, TriangleTest, filtered_traversal, traversal, traversal_bindings,
 };
+pub use embed_scene::{SCENE_BINDING_COUNT, filtered_scene_traversal, scene_traversal};
 pub use query::query;
 pub use render::{
     RenderFeatures, has_tail, render_compressed, render_parts, render_retry, render_settle,

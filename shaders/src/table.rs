@@ -111,6 +111,9 @@ library! {
     SEEN "seen"
     SHAPE "shape"
     ENTERED "entered"
+    HOST_SCENE_BINDINGS "host_scene_bindings"
+    HOST_SCENE "host_scene"
+    ENTERED_SHAPES "entered_shapes"
     BOX_WALK "box_walk"
     DEFER "defer"
     DEFERRED "deferred"
@@ -342,6 +345,34 @@ pub(crate) const TRAVERSAL_TESTS: [&[Part]; 3] = [
         PRIVATE_STACK,
     ],
 ];
+
+/// What a host's own shader needs for tracing rays through a scene of many objects, except the bindings and [`SCENE_BOXES`].
+pub(crate) const SCENE_TRAVERSAL: [Part; 21] = [
+    ARITHMETIC,
+    RAY,
+    MESH,
+    INTERSECT,
+    ANY_RAY,
+    SHEARED,
+    CLOSER_LOOK,
+    WATERTIGHT,
+    ANY_TRIANGLE,
+    OBSERVER,
+    OPAQUE_SEARCH,
+    NOTHING_ASIDE,
+    WALK,
+    ONE_HIT,
+    PRIVATE_STACK,
+    SCENE_QUERY,
+    SEEN,
+    ENTERED,
+    SHAPE,
+    ENTERED_SHAPES,
+    HOST_SCENE,
+];
+/// The walk through the tree over instances. It has a function that the walk through a mesh has too.
+pub(crate) const SCENE_BOXES: Part = BOX_WALK;
+pub(crate) const SCENE_TRAVERSAL_BINDINGS: Part = HOST_SCENE_BINDINGS;
 
 shaders! {
     /// The kernels that make compressed nodes from a finished tree, in the order of their schedule.

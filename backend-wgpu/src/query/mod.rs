@@ -43,7 +43,7 @@ pub(crate) use pipelines::QueryVariant;
 pub use points::WgpuPointTree;
 #[doc(hidden)]
 pub use points::{BuildingPoints, PointExecutor};
-pub use resident::WgpuScene;
+pub use resident::{SceneBindings, WgpuScene};
 pub use scene::SceneUniform;
 pub use splitplane_core::ray::Hit;
 pub use tree::{DeviceTree, TreeParts};

@@ -68,6 +68,7 @@ impl Objects {
             instances: self.instances,
             frames,
             seconds_per_frame,
+            ..InstancedScene::default()
         }
     }
 }

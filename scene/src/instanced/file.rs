@@ -2,6 +2,7 @@
 //!
 //! What a file says is checked as it is read, and an error names file, line, column and field.
 
+mod bake;
 mod error;
 mod format;
 mod geometries;
@@ -114,6 +115,9 @@ fn scene(file: &format::File, path: &Path, options: &SceneOptions) -> Result<Ins
     let folder = path.parent().unwrap_or(Path::new(""));
     let geometries = Geometries::read(file, &mut scene, &materials, folder, options)?;
     instances::read(file, &mut scene, &materials, &geometries)?;
+    if options.bake {
+        bake::read(file, &mut scene)?;
+    }
     if let Some(environment) = &file.environment {
         read_environment(environment, &mut scene, folder, options)?;
     }

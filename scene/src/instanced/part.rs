@@ -110,3 +110,22 @@ fn copy<T: Copy>(
         }));
     }
 }
+
+/// Copies what a run of triangles names behind what is there, each value once and mapped. Nothing where no triangle names a value.
+#[cfg(feature = "json")]
+pub(super) fn copied<T: Copy>(
+    values: &mut Vec<T>,
+    corners: &mut Vec<[u32; 3]>,
+    triangles: Range<usize>,
+    map: impl Fn(T) -> T,
+) {
+    if corners.is_empty() {
+        return;
+    }
+    let (mut own, mut named) = (Vec::new(), Vec::new());
+    copy((values, corners), triangles, (&mut own, &mut named));
+    let shift = values.len() as u32;
+    values.extend(own.into_iter().map(map));
+    let moved = |named: u32| if named == Scene::NONE { named } else { named + shift };
+    corners.extend(named.into_iter().map(|three| three.map(moved)));
+}

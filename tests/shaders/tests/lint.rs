@@ -35,7 +35,7 @@ use splitplane_render::RayTracer;
 use splitplane_shaders::{
     CHECKS, COMPRESS, KERNEL_RETRIES, KERNELS, LIBRARY, NEAR, POINT_BUILD, POINTS, Part, QUERIES,
     RENDER, RENDER_COMPRESSED, RENDER_RETRIES, RENDER_SETTLES, RenderFeatures, Shader,
-    TriangleTest, render_parts,
+    TriangleTest, filtered_scene_traversal, render_parts, scene_traversal,
 };
 
 use rules::{Finding, Rule};
@@ -171,6 +171,49 @@ fn every_exact_shader_keeps_the_rules() {
         linted += 1;
     }
     assert_eq!(linted, 6);
+}
+
+/// The texts for a host's own shader that traces scenes keep them too. The options of a ray are in the memory of its invocation, so the barrier's zero is set a
+/// second time from there: the first time it is from a buffer, as it has to be.
+#[test]
+fn a_hosts_texts_for_scenes_keep_the_rules() {
+    let entry = "
+fn accept_hit(hit: SceneHit) -> bool { return hit.u < 0.5; }
+@group(0) @binding(0) var<storage, read_write> found: array<u32>;
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    let ray = Ray(vec3<f32>(0.0, 1.0, 2.0), 0.0, vec3<f32>(0.0, 0.0, 1.0), 1.0);
+    let words = scene_hit_words(trace_scene(ray, default_scene_options(), id.x > 7u));
+    found[id.x] = words[0];
+}";
+    let split = |text: &str| {
+        let own = arithmetic();
+        let (before, after) = text.split_once(own.text).expect("the arithmetic");
+        let part = |name: &str, text: &str| Text { name: name.to_owned(), text: text.to_owned() };
+        vec![part("before", before), own.into(), part("after", &(after.to_owned() + entry))]
+    };
+    let again =
+        |finding: &Finding| finding.rule == Rule::Barrier && finding.function == "trace_entered";
+    for text in [scene_traversal(1, 0), filtered_scene_traversal(1, 0)] {
+        let (known, others): (Vec<_>, Vec<_>) =
+            lint(split(&text), Free::Allowed).into_iter().partition(again);
+        assert_clean("a host's text", &others);
+        assert_eq!(known.len(), 1);
+        let merged = text.replacen(
+            "product(length, BOX_DIRECTION_LEAST)",
+            "product(free_mul(length, 0.5), 0.5)",
+            1,
+        );
+        let unset = text.replacen("opaque_zero = scene_facts.zero;", "", 1);
+        for (faulty, rule) in [(merged, Rule::Merged), (unset, Rule::Barrier)] {
+            assert_ne!(faulty, text);
+            let found = lint(split(&faulty), Free::Allowed);
+            assert!(
+                found.iter().any(|finding| finding.rule == rule && !again(finding)),
+                "{found:?}"
+            );
+        }
+    }
 }
 
 /// Also while no shader uses it.

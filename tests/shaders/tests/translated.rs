@@ -218,6 +218,31 @@ fn every_shader_keeps_its_barrier_in_every_language() {
     assert!(guarded > shaders().count(), "{guarded}");
 }
 
+/// The text for a host's own shader that traces scenes, with a function of the host's.
+#[test]
+fn a_hosts_text_for_scenes_keeps_its_barrier_in_every_language() {
+    let own = "
+fn accept_hit(hit: SceneHit) -> bool { return hit.u < 0.5; }
+@group(0) @binding(0) var<storage, read_write> found: array<u32>;
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    let ray = Ray(vec3<f32>(0.0, 1.0, 2.0), 0.0, vec3<f32>(0.0, 0.0, 1.0), 1.0);
+    found[id.x] = scene_closest_hit(ray, default_scene_options()).triangle;
+    found[id.x + 64u] = u32(scene_any_hit(ray, default_scene_options()));
+}";
+    for text in [
+        splitplane_shaders::scene_traversal(1, 0) + own,
+        splitplane_shaders::filtered_scene_traversal(1, 0) + own,
+    ] {
+        let text = || vec![Text { name: "host".to_owned(), text: text.clone() }];
+        assert!(!to_spirv(&Parsed::new(text()).expect("valid WGSL")).is_empty());
+        for (language, text) in translated(text()) {
+            assert_eq!(faults(&text, language), Vec::<String>::new(), "{language:?}");
+            assert!(body(&text, "guard").is_some());
+        }
+    }
+}
+
 /// Each fault in a shader, or in the text itself, is found in both languages.
 #[test]
 fn planted_faults_are_found() {

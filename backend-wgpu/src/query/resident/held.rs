@@ -167,6 +167,11 @@ impl HeldScene {
         self.buffers.iter().map(wgpu::Buffer::size).sum()
     }
 
+    /// Nodes of the tree over instances.
+    pub(super) fn top_nodes(&self) -> usize {
+        self.box_nodes.len()
+    }
+
     /// Names of instances.
     pub(super) fn names(&self) -> usize {
         self.instances.len()

@@ -5,9 +5,11 @@
 //! shapes). Several waves are one submission; then the host reads how many
 //! rays are done. What is on the device is the scene as [`packed`](splitplane_core::backend::scene::packed) has it.
 
+mod bindings;
 mod held;
 mod near;
 mod scene;
 mod waves;
 
+pub use bindings::SceneBindings;
 pub use scene::WgpuScene;

@@ -18,6 +18,7 @@ use splitplane_core::ray::{Accuracy, Ray};
 use splitplane_core::report::QueryReport;
 use splitplane_core::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport};
 
+use super::bindings::SceneBindings;
 use super::held::{Buffers, HeldScene, exceeded, grown, reserve};
 use super::near;
 use super::waves::{WaveMemory, Waves};
@@ -149,6 +150,17 @@ impl WgpuScene {
         match self.answer(Wait::Yielding, rays, answers, options, of).await {
             Err(error @ QueryError::Device(_)) => Err(self.queries.gpu().cause(error).await),
             done => done,
+        }
+    }
+
+    /// What a host's own shader binds to trace rays through the scene as it is now: see [`splitplane_shaders::scene_traversal`].
+    ///
+    /// # Errors
+    /// [`GpuError::NotHeld`], with what [`SceneAccelerator::placed_by_cpu`] says, for a scene that the device does not hold; no memory; a device that fails.
+    pub fn bindings(&self) -> Result<SceneBindings, GpuError> {
+        match &self.held {
+            Ok(held) => SceneBindings::new(self.queries.gpu(), held),
+            Err(reason) => Err(GpuError::NotHeld(reason.clone())),
         }
     }
 

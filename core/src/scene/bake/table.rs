@@ -7,7 +7,7 @@ use crate::scene::error::SceneError;
 use crate::scene::hit::{GeometryId, InstanceId, SceneHit};
 
 /// An instance of a group: its triangles lie one after the other.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Part {
     pub(super) first_triangle: u32,
     pub(super) instance: InstanceId,
@@ -15,7 +15,7 @@ pub(super) struct Part {
 }
 
 /// A group: where its parts are.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Group {
     instance: InstanceId,
     geometry: GeometryId,
@@ -25,7 +25,7 @@ struct Group {
 
 /// Tells of triangles of a scene that [`Scene::bake`](crate::scene::Scene::bake) made what they were in the scene before. It takes 12 bytes for each baked instance, and
 /// looks up in the logarithm of their number. It tells nothing of edits made since.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BakedTable {
     /// By name of the instance.
     groups: Vec<Group>,

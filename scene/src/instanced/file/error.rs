@@ -4,6 +4,7 @@ use crate::from_file::quoted_path;
 use crate::obj::ObjError;
 use crate::{CameraError, instanced::InstancedError};
 use splitplane_core::mesh::MeshError;
+use splitplane_core::scene::BakeError;
 use std::fmt;
 use std::path::PathBuf;
 use thiserror::Error;
@@ -108,6 +109,9 @@ pub enum SceneFileProblem {
     /// A camera.
     #[error(transparent)]
     Camera(#[from] CameraError),
+    /// An instance that cannot be baked.
+    #[error(transparent)]
+    Bake(#[from] BakeError),
     /// What cannot be described all the same.
     #[error(transparent)]
     Scene(#[from] InstancedError),
@@ -120,6 +124,11 @@ impl SceneFileProblem {
         if let SceneFileProblem::Environment(error) = self {
             return error.problem.is_limit();
         }
-        matches!(self, SceneFileProblem::Limit(_) | SceneFileProblem::TooMany { .. })
+        matches!(
+            self,
+            SceneFileProblem::Limit(_)
+                | SceneFileProblem::TooMany { .. }
+                | SceneFileProblem::Bake(BakeError::TooMany { .. })
+        )
     }
 }

@@ -104,6 +104,7 @@ pub(super) struct Instance {
     pub(super) material: Option<String>,
     #[serde(default)]
     pub(super) keys: Vec<Key>,
+    pub(super) bake: Option<String>,
 }
 
 #[derive(Deserialize)]

@@ -2,9 +2,8 @@
 
 use super::*;
 use crate::instanced::{InstancedScene, SolidKind, Solids};
-#[cfg(feature = "textures")]
-use splitplane_core::scene::GeometryId;
-use splitplane_core::scene::translation;
+use splitplane_core::scene::{GeometryId, InstanceId, translation};
+use splitplane_render::layout::FirstHit;
 
 const GOOD: &str = r#"{
   "format": "splitplane-scene", "version": 1, "frames": 5, "seconds_per_frame": 0.5,
@@ -364,4 +363,169 @@ fn files_that_are_none_are_named() {
     assert!(error.problem.is_limit(), "{error}");
     std::fs::write(&path, b"\xff\xfe").unwrap();
     assert!(message(&options).contains("not UTF-8"));
+}
+
+/// Instances of two names, one that is moved by keys, one that stays as it is, and one in a group of its own.
+const BAKED: &str = r#"{
+  "format": "splitplane-scene", "version": 1, "frames": 4,
+  "materials": [{"name": "red", "diffuse": [0.7, 0.1, 0.1]}, {"name": "glass", "glass": {"index": 1.5}}],
+  "geometries": [
+    {"name": "one", "positions": [[0,0,0],[1,0,0],[0,1,0]], "triangles": [[0,1,2]], "material": "red"},
+    {"name": "smooth", "obj": "smooth.obj"},
+    {"name": "balls", "spheres": [{"centre": [0, 1, 0], "radius": 0.5}]}
+  ],
+  "instances": [
+    {"geometry": "one"},
+    {"geometry": "smooth", "bake": "rocks", "translate": [4, 0, 0], "rotate": {"axis": [0, 1, 0], "degrees": 90}, "id": 7},
+    {"geometry": "one", "keys": [{"frame": 0}, {"frame": 3, "translate": [0, 3, 0]}]},
+    {"geometry": "one", "bake": "rocks", "translate": [8, 0, 0], "scale": [-1, 2, 1], "id": 7},
+    {"geometry": "smooth", "bake": "wall", "translate": [0, 0, 16]},
+    {"geometry": "smooth", "bake": "rocks", "material": "red", "scale": 2, "id": 7},
+    {"geometry": "balls"}
+  ]
+}"#;
+
+const SMOOTH: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvn 0 0 2\nvn 3 0 4\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1/1 2/2/2 3/3/1\nf 1 3 4\n";
+
+#[test]
+fn instances_of_a_name_become_one_geometry() {
+    let folder = folder();
+    std::fs::write(folder.path().join("smooth.obj"), SMOOTH).unwrap();
+    let mut scene = read_in(&folder, BAKED).unwrap();
+    let unbaked = SceneOptions { bake: false, ..SceneOptions::default() };
+    let plain = parse(BAKED, &folder.path().join("scene.json"), &unbaked).unwrap();
+    assert!(plain.baked.is_empty() && plain.instances.len() == scene.instances.len());
+    // What is described is what the core bakes.
+    let groups = [vec![1, 3, 5], vec![4]].map(|own| own.into_iter().map(InstanceId).collect());
+    let [rocks, wall]: [Vec<InstanceId>; 2] = groups;
+    let (world, table) = plain.describe().unwrap().bake(&[&rocks, &wall]).unwrap();
+    let mut described = scene.describe().unwrap();
+    let instances = |scene: &splitplane_core::scene::Scene| -> Vec<_> {
+        scene.instances().map(|(name, own)| (name.0, *own)).collect()
+    };
+    assert_eq!(instances(&described), instances(&world));
+    assert_eq!(described.instances().map(|(name, _)| name.0).collect::<Vec<_>>(), [0, 1, 2, 4, 6]);
+    let names: Vec<u32> = world.geometries().map(|(name, _)| name.0).collect();
+    assert_eq!(described.geometries().map(|(name, _)| name.0).collect::<Vec<_>>(), names);
+    for name in names {
+        let of = |scene: &splitplane_core::scene::Scene| {
+            let own = scene.geometry(GeometryId(name)).unwrap().clone();
+            (own.mesh().arrays().0.to_vec(), own.mesh().arrays().1.map(<[_]>::to_vec))
+        };
+        assert_eq!(of(&described), of(&world), "{name}");
+    }
+    assert_eq!(scene.baked.table, table);
+    assert_eq!(
+        (&scene.baked.instances[..], &scene.baked.geometries[..]),
+        (&[3, 5][..], &[1, 5][..])
+    );
+    assert_eq!((scene.triangles(), scene.instanced_triangles()), (1 + 5 + 2, 2 + 5 + 2));
+    let original = |instance, triangle| {
+        let named = scene.baked.table.original(InstanceId(instance), triangle);
+        named.map(|(instance, geometry, triangle)| (instance.0, geometry.0, triangle))
+    };
+    let rocks: Vec<_> = (0..5).filter_map(|triangle| original(1, triangle)).collect();
+    assert_eq!(rocks, [(1, 1, 0), (1, 1, 1), (3, 0, 0), (5, 1, 0), (5, 1, 1)]);
+    assert_eq!((original(4, 1), original(2, 0)), (Some((4, 1, 1)), None));
+    // Materials of instances and triangles; normals as instances show them, and places in pictures.
+    let parts = &scene.parts;
+    let [rocks, wall] = [3, 4].map(|place: usize| scene.geometries[place].clone());
+    assert_eq!((rocks.name.as_str(), wall.name.as_str()), ("rocks", "wall"));
+    let range = rocks.triangles.start as usize..rocks.triangles.end as usize;
+    let grey = parts.material_of[plain.geometries[1].triangles.start as usize];
+    assert_eq!(parts.material_of[range.clone()], [grey, grey, 0, 0, 0]);
+    let normals = |triangle: usize| {
+        parts.normal_indices[range.start + triangle]
+            .map(|named| parts.normals.get(named as usize).copied())
+    };
+    let near = |found: Option<[f32; 3]>, x: f32, y: f32, z: f32| {
+        let found = found.unwrap();
+        assert!(found.iter().zip([x, y, z]).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?}");
+    };
+    let turned = normals(0);
+    near(turned[0], 1.0, 0.0, 0.0);
+    near(turned[1], 0.8, 0.0, -0.6);
+    near(normals(3)[1], 0.6, 0.0, 0.8);
+    assert_eq!((normals(1), normals(2)), ([None; 3], [None; 3]));
+    let places = |geometry: &crate::instanced::Geometry| {
+        let named = parts.texcoord_indices[geometry.triangles.start as usize];
+        named.map(|named| parts.texcoords[named as usize])
+    };
+    assert_eq!(places(&rocks), places(&plain.geometries[1]));
+    assert_eq!(places(&wall), places(&rocks));
+    assert_eq!(parts.normal_indices.len(), parts.indices.len());
+    assert_eq!(parts.material_of.len(), parts.indices.len());
+    assert!(parts.mesh().is_ok());
+    // Pictures and frames.
+    let hit = |instance, triangle| FirstHit { instance, triangle, ..FirstHit::MISS };
+    let hits = [hit(1, 2), hit(0, 0), FirstHit::MISS, hit(4, 1)];
+    let named = scene.baked.original_hits(&hits);
+    assert_eq!(named[..], [hit(3, 0), hit(0, 0), FirstHit::MISS, hit(4, 1)]);
+    assert_eq!(plain.baked.original_hits(&hits)[..], hits);
+    assert_eq!(scene.set(3, &mut described), Ok(1));
+    assert_eq!(described.instance(InstanceId(2)).unwrap().transform, translation([0.0, 3.0, 0.0]));
+    let eye = scene.placement(1.0, 1).camera.eye();
+    assert!(eye.iter().all(|x| x.is_finite()));
+}
+
+/// What cannot be baked is refused, with its place.
+#[test]
+fn what_cannot_be_baked_is_named_with_its_place() {
+    let folder = folder();
+    std::fs::write(folder.path().join("smooth.obj"), SMOOTH).unwrap();
+    let cases = [
+        (
+            "\"one\", \"keys\"",
+            "\"one\", \"bake\": \"rocks\", \"keys\"",
+            "line 12, column 33, instances[2].bake: ",
+            "keys move",
+        ),
+        (
+            "{\"geometry\": \"balls\"}",
+            "{\"geometry\": \"balls\", \"bake\": \"rocks\"}",
+            "line 16, column 35, instances[6].bake: ",
+            "shapes",
+        ),
+        (
+            "\"scale\": 2, \"id\": 7",
+            "\"scale\": 2, \"id\": 8",
+            "instances[5].bake: instance 5 has another number than instance 1",
+            "line 15",
+        ),
+        (
+            "\"scale\": 2, \"id\": 7",
+            "\"scale\": 2, \"id\": 7, \"mask\": 1",
+            "instances[5].bake: ",
+            "another mask",
+        ),
+        (
+            "\"scale\": 2, \"id\": 7",
+            "\"scale\": 2, \"id\": 7, \"culling\": \"back\"",
+            "instances[5].bake: ",
+            "another culling",
+        ),
+        (
+            "\"scale\": [-1, 2, 1]",
+            "\"scale\": [-1, 2, 1], \"material\": \"glass\"",
+            "line 13, column 33, instances[3].bake: ",
+            "glass",
+        ),
+        (
+            "\"translate\": [0, 0, 16]",
+            "\"translate\": [0, 0, 16], \"scale\": 3e38",
+            "instances[4]",
+            "",
+        ),
+        ("\"bake\": \"wall\"", "\"bake\": 3", "instances[4].bake: ", "string"),
+    ];
+    for (from, to, place, words) in cases {
+        let text = BAKED.replacen(from, to, 1);
+        assert_ne!(text, BAKED, "{from}");
+        let error = read_in(&folder, &text).expect_err(to).to_string();
+        assert!(error.contains(place) && error.contains(words), "{to}: {error}");
+    }
+    // A body of glass that is not reflected can be, and one that is reflected and not clear.
+    let text = BAKED.replacen("\"scale\": 2,", "\"scale\": 2, \"material\": \"glass\",", 1);
+    let text = text.replacen("\"material\": \"red\", \"scale\"", "\"scale\"", 1);
+    assert!(read_in(&folder, &text).is_ok());
 }
