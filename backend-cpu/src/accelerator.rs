@@ -285,6 +285,10 @@ impl Accelerator for CpuAccelerator {
         self.layout.bytes()
     }
 
+    fn held_bytes(&self) -> u64 {
+        self.layout.held()
+    }
+
     /// Calls the watch about every two milliseconds, from one thread at a time, and never within a
     /// ray.
     fn closest_hits(

@@ -169,6 +169,12 @@ fn the_table_names_every_triangle() {
     assert!(table.bytes() < 400, "{}", table.bytes());
     // What is not a group's is no business of the table.
     assert_eq!(table.original(names[9], 0), None);
+    // Nor is what the group does not have.
+    for (name, geometry) in table.groups() {
+        let triangles = baked.geometry(geometry).unwrap().mesh().len() as u32;
+        assert!(table.original(name, triangles - 1).is_some());
+        assert_eq!([triangles, u32::MAX].map(|beyond| table.original(name, beyond)), [None; 2]);
+    }
     assert_eq!(table.original_hit(&SceneHit::MISS), SceneHit::MISS);
     // A geometry whose last instance went is gone, others stay and share their arrays.
     assert_eq!(baked.geometries().count(), 2 + 3);
@@ -249,4 +255,56 @@ fn what_cannot_be_baked_is_named() {
     let [far, ok] = [far, ok].map(|name| scene.add_instance(Instance::new(name, wide)).unwrap());
     assert_eq!(bake(&scene, &[far]), BakeError::TooFar { instance: far.0, triangle: 0 });
     scene.bake(&[&[ok]]).unwrap();
+}
+
+/// A mesh of many instances is refused before memory is taken for it.
+#[test]
+fn a_limit_is_kept_before_anything_is_baked() {
+    let (scene, names) = exact_scene();
+    let groups: [&[InstanceId]; 3] = [&names[2..5], &[], &names[6..8]];
+    let needed = scene.baked_bytes(&groups).unwrap();
+    let (baked, table) = scene.bake_within(&groups, needed).unwrap();
+    // What it says is what the arrays and the table have.
+    let arrays = table.groups().map(|(_, geometry)| {
+        let mesh = baked.geometry(geometry).unwrap().mesh();
+        let (positions, indices) = mesh.arrays();
+        size_of_val(positions) + size_of_val(indices.expect("indices"))
+    });
+    // 12 bytes an instance, 32 a group.
+    assert_eq!(needed, (arrays.sum::<usize>() + 5 * 12 + 2 * 32) as u64);
+    let refused = scene.bake_within(&groups, needed - 1).map(|_| ()).unwrap_err();
+    assert_eq!(refused, BakeError::OutOfMemory { needed, limit: needed - 1 });
+    // A hundred thousand instances of ten thousand triangles: 48 GB, or more triangles than a mesh has.
+    let mut scene = Scene::new();
+    let large = scene.add_mesh(&scenes::soup(10_000, 0.1, 1).mesh()).unwrap();
+    let names: Vec<_> =
+        (0..100_000).map(|_| scene.add_instance(Instance::in_place(large)).unwrap()).collect();
+    let error = scene.bake(&[&names]).map(|_| ()).unwrap_err();
+    assert!(matches!(error, BakeError::TooMany { .. }), "{error}");
+    let groups: Vec<_> = names.chunks(1_000).collect();
+    let refused = scene.bake_within(&groups, 1 << 30).map(|_| ()).unwrap_err();
+    assert!(matches!(refused, BakeError::OutOfMemory { needed, .. } if needed > 40 << 30));
+    let unknown = SceneError::UnknownInstance { instance: 100_000 };
+    let error = scene.baked_bytes(&[&[InstanceId(100_000)]]).unwrap_err();
+    assert_eq!(error, BakeError::Scene(unknown));
+}
+
+/// Roundings give an area to a triangle that had none: it is hit afterwards, as the documentation says.
+#[test]
+fn a_triangle_without_area_may_get_one() {
+    // On one line: each corner is the sum of those before it. A translation rounds each by itself.
+    let line = [[0.1, 0.1, 0.0], [0.2, 0.2, 0.0], [0.4, 0.4, 0.0]];
+    let mut scene = Scene::new();
+    let geometry = scene.add_mesh(&Mesh::soup(&[line]).unwrap()).unwrap();
+    let moved = translation([0.5, 0.0, 0.0]);
+    let name = scene.add_instance(Instance::new(geometry, moved)).unwrap();
+    let area = |scene: &Scene| {
+        let (_, mesh) = scene.geometries().next().unwrap();
+        let [a, b, c] = mesh.mesh().triangle(0).map(|p| p.map(f64::from));
+        let sides = [b, c].map(|p| [p[0] - a[0], p[1] - a[1]]);
+        sides[0][0] * sides[1][1] - sides[0][1] * sides[1][0]
+    };
+    assert_eq!(area(&scene), 0.0);
+    let (baked, _) = scene.bake(&[&[name]]).unwrap();
+    assert_ne!(area(&baked), 0.0);
 }

@@ -11,7 +11,8 @@ use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::Ray;
 use splitplane_core::report::BackendInfo;
 use splitplane_core::scene::{
-    Instance, InstanceId, OpacityMask, Scene, SceneBuildError, SceneHit, SceneOptions, translation,
+    GeometryId, Instance, InstanceId, OpacityMask, Scene, SceneBuildError, SceneHit, SceneOptions,
+    translation,
 };
 use splitplane_core::tree::KdTree;
 use splitplane_core::watch::Progress;
@@ -268,4 +269,103 @@ fn every_update_meanwhile_is_noticed() {
         }
         assert_eq!(built.scene().digest(), build(&next).scene().digest());
     }
+}
+
+/// Several geometries over the same arrays have one tree, which is built once and counts once.
+#[test]
+fn a_tree_that_geometries_share_counts_once() {
+    let (backend, options) = (Counts::new(usize::MAX), BuildOptions::default());
+    let large = scenes::soup(3000, 0.2, 3);
+    let mut scene = Scene::new();
+    let names: Vec<_> = (0..5).map(|_| scene.add_mesh(&large.mesh()).unwrap()).collect();
+    for (number, name) in names.iter().enumerate() {
+        let place = translation([3.0 * number as f32, 0.0, 0.0]);
+        scene.add_instance(Instance::new(*name, place)).unwrap();
+    }
+    let arrays = scene.geometry(names[0]).unwrap().clone();
+    let other = sharing(&scene, &names);
+    let mut built = build(&Scene::new());
+    let empty = built.scene().bytes();
+    let mut pending = PendingUpdate::begin(&backend, built.scene(), &other).unwrap();
+    assert_eq!((pending.left(), pending.progress().total), (2, 2));
+    pending.build(&backend, &options).unwrap();
+    assert_eq!((backend.builds.load(Relaxed), pending.left()), (2, 0));
+    let [one, last] = [names[0], names[4]].map(|name| {
+        let mut single = Scene::new();
+        let own = single.add_mesh(&large.mesh()).unwrap();
+        single.share_geometry(own, &other, name).unwrap();
+        let built = build(&single);
+        let (_, own) = built.scene().geometries().next().unwrap();
+        own.bytes()
+    });
+    assert_eq!(pending.bytes(), one + last);
+    assert!(other.geometry(names[1]).is_ok_and(|own| std::sync::Arc::ptr_eq(own, &arrays)));
+    // What fits when it counts once is put in place: four times would not.
+    let limit = empty + one + last + (64 << 10);
+    assert!(limit < empty + 2 * one + last);
+    let limited = BuildOptions { max_memory: Some(limit), ..options };
+    let tight = BuildOptions { max_memory: Some(one + last - 1), ..options };
+    let error = pending.finish(&backend, &mut built, &other, &tight).unwrap_err();
+    let FinishError::Build(SceneBuildError::Geometry {
+        geometry,
+        error: BuildError::OutOfMemory { needed, limit: told },
+    }) = error
+    else {
+        panic!("{error}")
+    };
+    assert_eq!((geometry, needed, told), (names[4].0, empty + one + last, one + last - 1));
+    pending.finish(&backend, &mut built, &other, &limited).unwrap();
+    let bytes = built.scene().bytes() - built.scene().bytes_beside_geometries();
+    assert_eq!(bytes, one + last);
+    let rays = objects::rays(&other, 500, 6);
+    assert_eq!(traced(&*built, &rays), traced(&*build(&other), &rays));
+    // One of them goes, the tree stays; it counts until the last is gone.
+    let mut fewer = sharing(&other, &names);
+    for name in &names[..4] {
+        let gone: Vec<_> = fewer.instances().filter(|(_, own)| own.geometry == *name).collect();
+        let gone: Vec<_> = gone.into_iter().map(|(name, _)| name).collect();
+        gone.into_iter().for_each(|own| fewer.remove_instance(own).unwrap());
+        fewer.remove_geometry(*name).unwrap();
+        CpuBackend::new().update_scene(&mut *built, &fewer, &options).unwrap();
+        let bytes = built.scene().bytes() - built.scene().bytes_beside_geometries();
+        assert_eq!(bytes, if *name == names[3] { last } else { one + last });
+    }
+}
+
+/// A scene of the same instances, in which the first four geometries have the arrays of the first.
+fn sharing(scene: &Scene, names: &[GeometryId]) -> Scene {
+    let mut own = Scene::new();
+    for (number, from) in names.iter().enumerate() {
+        let name = own.add_mesh(&scenes::soup(1, 0.5, 1).mesh()).unwrap();
+        let from = if number < 4 { names[0] } else { *from };
+        own.share_geometry(name, scene, from).unwrap();
+    }
+    for (_, instance) in scene.instances() {
+        own.add_instance(*instance).unwrap();
+    }
+    own
+}
+
+#[test]
+fn a_tree_of_another_number_of_triangles_is_refused() {
+    let (backend, options) = (CpuBackend::new(), BuildOptions::default());
+    let mut scene = Scene::new();
+    scene.add_mesh(&scenes::soup(20, 0.5, 3).mesh()).unwrap();
+    let mut built = build(&Scene::new());
+    let mut pending = PendingUpdate::begin(&backend, built.scene(), &scene).unwrap();
+    let (_, mesh) = pending.next_mesh().unwrap();
+    let mesh = mesh.clone();
+    let tree = |count| backend.build(&scenes::soup(count, 0.5, 3).mesh(), &options).unwrap();
+    for count in [0, 19, 21] {
+        let error = pending.give(&mesh, tree(count)).unwrap_err();
+        assert!(matches!(error, BuildError::WrongMesh { .. }), "{error}");
+        assert_eq!((pending.left(), pending.bytes()), (1, 0));
+    }
+    pending.give(&mesh, tree(20)).unwrap();
+    let bytes = pending.bytes();
+    // One that nobody waits for is dropped.
+    pending.give(&mesh, tree(20)).unwrap();
+    assert_eq!((pending.left(), pending.bytes()), (0, bytes));
+    pending.finish(&backend, &mut built, &scene, &options).unwrap();
+    assert_eq!(built.scene().digest(), build(&scene).scene().digest());
 }

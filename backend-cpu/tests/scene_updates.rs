@@ -90,6 +90,42 @@ fn moving_one_of_many_looks_at_that_one_only() {
     assert_eq!(traced(&*built, &rays), traced(&*fresh, &rays));
 }
 
+/// Boxes of all levels follow, up to the root: instances leave the box of everything, one at a time, and rays that meet nothing else find them.
+#[test]
+fn what_moves_out_of_all_boxes_is_found() {
+    let (backend, options) = (CpuBackend::new(), BuildOptions::default());
+    let mut scene = Scene::new();
+    let geometry = scene.add_mesh(&scenes::sphere(6, [0.0; 3], 0.4).mesh()).unwrap();
+    let place = |i: usize| translation([(i % 100) as f32, (i / 100) as f32, 0.0]);
+    let names: Vec<_> = (0..10_000)
+        .map(|i| scene.add_instance(Instance::new(geometry, place(i))).unwrap())
+        .collect();
+    let mut built = backend.build_scene(&scene, &options).unwrap();
+    let mut most = 0;
+    for (number, own) in [5050, 0, 99, 9_900, 9_999, 2_525, 7_031].into_iter().enumerate() {
+        for to in [[-5.0, 50.0, 0.0], [105.0, 50.0, 0.0], [50.0, 50.0, 5.0], [50.0, 50.0, -5.0]] {
+            scene.move_instance(names[own], translation(to)).unwrap();
+            let report = backend.update_scene(&mut built, &scene, &options).unwrap();
+            assert_eq!((report.instances_changed, report.top), (1, TopUpdate::Refitted));
+            most = most.max(report.top_nodes_changed);
+            let (start, towards) = match to[2] == 0.0 {
+                true => ([to[0], 50.0, 9.0], [0.0, 0.0, -1.0]),
+                false => ([-9.0, 50.0, to[2]], [1.0, 0.0, 0.0]),
+            };
+            let ray = Ray::new(start, towards);
+            let hit = built.closest_hit(&ray, &SceneOptions::default()).expect("it is there");
+            assert_eq!(hit.instance, names[own].0, "{to:?}");
+        }
+        scene.move_instance(names[own], place(own)).unwrap();
+        backend.update_scene(&mut built, &scene, &options).unwrap();
+        let rays = objects::rays(&scene, 300, number as u64);
+        let fresh = backend.build_scene(&scene, &options).unwrap();
+        assert_eq!(traced(&*built, &rays), traced(&*fresh, &rays));
+    }
+    // Of a tree that has some levels.
+    assert!(most >= 4, "{most}");
+}
+
 /// A CPU that fails at its n-th build.
 struct Fails(CpuBackend, usize, AtomicUsize);
 

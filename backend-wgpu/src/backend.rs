@@ -340,7 +340,7 @@ impl WgpuBackend {
 
     /// As [`WgpuBackend::build_accelerator`], in place of an accelerator that is no longer needed,
     /// whose buffers the next build of this backend gets. Where it has compressed nodes, the device makes those of the new tree. After an error the accelerator is
-    /// unchanged: the memory of both is held for a while.
+    /// unchanged: the memory of both is held for a while, and counts towards the limit.
     ///
     /// # Errors
     /// As for [`Backend::build`].
@@ -350,7 +350,9 @@ impl WgpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions<'_>,
     ) -> Result<(), BuildError> {
-        let mut built = self.build_accelerator(mesh, options)?;
+        let held = accelerator.held_bytes();
+        let built = self.build_accelerator(mesh, &options.beside(held));
+        let mut built = built.map_err(|error| error.beside(held, options.max_memory))?;
         if accelerator.device_tree().is_compressed() {
             built.compress_on_device()?;
         }

@@ -6,7 +6,7 @@ use splitplane_core::backend::BuildOptions;
 use splitplane_core::backend::scene::{
     BuiltScene, FinishError, PendingUpdate, SceneAccelerator, UpdateReport,
 };
-use splitplane_core::error::BuildError;
+use splitplane_core::error::{BuildError, DeviceError};
 use splitplane_core::scene::{GeometryId, GeometryMesh, Scene, SceneBuildError};
 use splitplane_core::triangle::{Triangle, prepare};
 use splitplane_core::watch::Progress;
@@ -15,6 +15,7 @@ use crate::backend::{CORNERS, WgpuBackend};
 use crate::builder::source::Source;
 use crate::builder::{DeviceBuild, PendingBuild};
 use crate::device::host;
+use crate::query::WgpuScene;
 
 /// An update of a scene that was submitted: the device builds the trees of its meshes, one after the other, and the scene answers meanwhile as
 /// before. It is a [`PendingUpdate`] whose builds nobody waits for.
@@ -122,14 +123,19 @@ impl PendingSceneUpdate {
         self.update.error_of(geometry, error, &self.options)
     }
 
-    /// Takes what came of the build under way.
+    /// Takes what came of the build under way. One that the caller does not wait for any longer goes on.
     fn take(&mut self, built: Result<DeviceBuild, BuildError>) -> Result<(), SceneBuildError> {
+        if let (Some(running), Err(error)) = (&self.running, &built)
+            && matches!(error, BuildError::Device(DeviceError::TimedOut { .. }))
+        {
+            return Err(self.error_of(running.geometry, error.clone()));
+        }
         let Some(Running { geometry, mesh, triangles, .. }) = self.running.take() else {
             return Ok(());
         };
         let built = built.map_err(|error| self.error_of(geometry, error))?;
-        self.update.give(&mesh, Box::new(self.backend.accelerator(built, triangles)));
-        Ok(())
+        let tree = self.backend.accelerator(built, triangles);
+        self.update.give(&mesh, Box::new(tree)).map_err(|error| self.error_of(geometry, error))
     }
 
     /// Looks whether the device is done, and submits the next build when it is done with one; true when all trees are there. Never waits.
@@ -151,7 +157,7 @@ impl PendingSceneUpdate {
     /// Waits until all trees are there.
     ///
     /// # Errors
-    /// As for [`PendingSceneUpdate::poll`], and a device that takes longer than its time-out.
+    /// As for [`PendingSceneUpdate::poll`], and a device that takes longer than its time-out: the build goes on, and the next call waits for it again.
     pub fn wait(&mut self) -> Result<(), SceneBuildError> {
         loop {
             self.submit_next()?;
@@ -182,6 +188,10 @@ impl PendingSceneUpdate {
     /// Puts the update in place: see [`PendingUpdate::finish`]. Never waits for a build: while one is under way, it is [`FinishError::NotBuilt`]. All
     /// geometries are sent again to the buffers that the scene's rays read.
     ///
+    /// What the device refuses when they are sent is known at once, and leaves the scene to the CPU: see
+    /// [`SceneAccelerator::placed_by_cpu`]. In a browser it is told later, and nothing would say so:
+    /// there take [`PendingSceneUpdate::finish_async`].
+    ///
     /// # Errors
     /// As there.
     pub fn finish(
@@ -192,10 +202,74 @@ impl PendingSceneUpdate {
         self.update.finish(&self.backend, scene, description, &self.options)
     }
 
+    /// As [`PendingSceneUpdate::finish`] of a scene of this backend's, and waits, without blocking, until it is known what the device refused when the scene was sent to it.
+    ///
+    /// # Errors
+    /// As for [`PendingSceneUpdate::finish`]: the scene is then what it was. What the device refused is an error too. The update is then in place on the host,
+    /// and the scene needs another one, which sends everything again; the trees are the scene's.
+    pub async fn finish_async(
+        &mut self,
+        scene: &mut WgpuScene,
+        description: &Scene,
+    ) -> Result<UpdateReport, FinishError> {
+        let PendingSceneUpdate { backend, update, options, .. } = self;
+        scene.settled(|scene| update.finish(&*backend, scene, description, options)).await
+    }
+
     /// Cancels it: the next build uses the buffers of the one under way.
     pub fn cancel(self) {
         if let Some(running) = self.running {
             running.pending.cancel();
+        }
+    }
+}
+
+#[cfg(all(test, not(target_family = "wasm")))]
+mod tests {
+    use splitplane_core::backend::Backend;
+    use splitplane_core::mesh::Mesh;
+    use splitplane_core::scene::Instance;
+
+    use super::*;
+    use crate::error::GpuError;
+    use crate::{Gpu, OpenOptions};
+
+    /// A browser tells later what it refused. Here that is planted, since a device of this system tells at once.
+    #[test]
+    #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+    fn what_is_refused_later_is_an_error_and_takes_the_scene_from_the_device() {
+        let adapter = std::env::var("SPLITPLANE_ADAPTER").ok();
+        let open = OpenOptions { default_limits: true, adapter, ..OpenOptions::default() };
+        let gpu = Gpu::open(&open).expect("a device");
+        let backend = WgpuBackend::new(Gpu::clone(&gpu)).expect("a backend");
+        let options = BuildOptions::default();
+        let mut scene = Scene::new();
+        let triangle = |x| [[[x, 0.0, 0.0], [x, 1.0, 0.0], [x, 0.0, 1.0]]];
+        let name = scene.add_mesh(&Mesh::soup(&triangle(0.0)).unwrap()).unwrap();
+        scene.add_instance(Instance::in_place(name)).unwrap();
+        let work = backend.build_scene_async(&scene, &options);
+        let mut built = pollster::block_on(work).expect("a scene");
+        for late in [false, true, false] {
+            scene.replace_mesh(name, &Mesh::soup(&triangle(1.0)).unwrap()).unwrap();
+            let begin = PendingSceneUpdate::begin(&backend, built.scene(), &scene, &options);
+            let mut pending = begin.unwrap();
+            pending.wait().unwrap();
+            if late {
+                gpu.refuse_later(GpuError::Refused("planted".into()));
+            }
+            let finished = pollster::block_on(pending.finish_async(&mut built, &scene));
+            let reason = built.placed_by_cpu().map(str::to_owned);
+            if late {
+                let error = finished.unwrap_err();
+                assert!(error.to_string().contains("planted"), "{error}");
+                assert!(reason.is_some_and(|reason| reason.contains("planted")));
+                gpu.forget_refused();
+                // Another update, of the same description, sends everything again.
+                backend.update_scene(&mut built, &scene, &options).unwrap();
+            } else {
+                assert_eq!(finished.unwrap().geometries_built, 1);
+            }
+            assert_eq!(built.placed_by_cpu(), None);
         }
     }
 }

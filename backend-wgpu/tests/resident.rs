@@ -318,7 +318,7 @@ fn a_tree_over_instances_may_grow_when_it_is_worn() {
 fn opacity_masks_are_those_of_the_cpu() {
     let (device, cpu) = (device(), CpuBackend::new());
     let (scenes, count) = how_many();
-    let (mut found, mut other) = (0, 0);
+    let (mut found, mut other, mut rejected) = (0, 0, 0);
     for round in 0..scenes {
         for (number, kind) in Kind::ALL.into_iter().enumerate() {
             let seed = 1000 * round + number as u64;
@@ -332,7 +332,7 @@ fn opacity_masks_are_those_of_the_cpu() {
             assert_eq!(built.placed_by_cpu(), None);
             let on_cpu = cpu.build_scene(&scene, &build).expect("a scene");
             for options in asked(&names) {
-                let (all, _) = answers(&*on_cpu, &rays, &options);
+                let (all, counted) = answers(&*on_cpu, &rays, &options);
                 let (unmasked, _) = answers(&*plain, &rays, &options);
                 let (own, report) = answers(&*built, &rays, &options);
                 for (i, ray) in rays.iter().enumerate() {
@@ -340,6 +340,9 @@ fn opacity_masks_are_those_of_the_cpu() {
                 }
                 assert_eq!(report.placed_by_cpu, 0);
                 assert!(report.geometries.unfinished < rays.len() as u64 / 10, "{report:?}");
+                // What masks reject is counted on the CPU alone.
+                assert_eq!(report.rejected, 0);
+                rejected += counted.rejected;
                 found += all.iter().filter(|(_, any)| *any).count();
                 other += (0..rays.len()).filter(|&i| all[i] != unmasked[i]).count();
             }
@@ -347,6 +350,7 @@ fn opacity_masks_are_those_of_the_cpu() {
     }
     println!("{found} hits, {other} rays with other answers than without masks");
     assert!(found > count * 4 && other > count / 2, "{found} {other}");
+    assert!(rejected > other as u64 / 2, "{rejected}");
 }
 
 /// A mask that comes, changes or goes is sent, with all geometries; what only the description's other parts say is not.

@@ -25,6 +25,7 @@ use crate::scene::shape::Shapes;
 #[cfg(target_has_atomic = "ptr")]
 use crate::scene::{Scene, SceneBuildError};
 use crate::tree::KdTree;
+use crate::tree::node::KdNode;
 use crate::watch::Watch;
 use alloc::boxed::Box;
 use core::any::Any;
@@ -58,7 +59,7 @@ pub trait Backend: Send + Sync {
     /// work: the CPU backend then makes the query layout in new memory, and until the rebuild ends both layouts
     /// are held and count towards the limit.
     ///
-    /// Backends that cannot reuse the memory keep this default, which replaces the accelerator.
+    /// Backends that cannot reuse the memory keep this default, which replaces the accelerator. The memory of both counts towards the limit where both are held at once.
     ///
     /// # Errors
     /// As for [`Backend::build`].
@@ -68,7 +69,9 @@ pub trait Backend: Send + Sync {
         mesh: &Mesh<'_>,
         options: &BuildOptions<'_>,
     ) -> Result<(), BuildError> {
-        *accelerator = self.build(mesh, options)?;
+        let held = accelerator.held_bytes();
+        let built = self.build(mesh, &options.beside(held));
+        *accelerator = built.map_err(|error| error.beside(held, options.max_memory))?;
         Ok(())
     }
 
@@ -182,6 +185,16 @@ pub trait Accelerator: Send + Sync {
 
     /// Bytes of everything that a query reads: nodes, references, vertices or copies of them.
     fn query_bytes(&self) -> u64;
+
+    /// Bytes that the accelerator holds, the tree included and whether queries read them or not: one that was built into the memory of a larger one
+    /// ([`Backend::rebuild`]) may hold more than it needs.
+    ///
+    /// The default counts the capacity of the tree, and [`Accelerator::query_bytes`].
+    fn held_bytes(&self) -> u64 {
+        let KdTree { nodes, references, .. } = self.tree();
+        let nodes = nodes.capacity() * size_of::<KdNode>();
+        self.query_bytes() + (nodes + references.capacity() * size_of::<u32>()) as u64
+    }
 
     /// The accelerator by its concrete type, so that a backend can recognise its own
     /// ([`Backend::rebuild`]).

@@ -106,6 +106,19 @@ pub enum BuildError {
     Device(#[from] DeviceError),
 }
 
+impl BuildError {
+    /// The error of a build that was left what so many bytes leave of a limit, as one of the whole: see [`BuildOptions::beside`](crate::backend::BuildOptions::beside).
+    #[must_use]
+    pub fn beside(self, held: u64, whole: Option<u64>) -> BuildError {
+        match (self, whole) {
+            (BuildError::OutOfMemory { needed, limit }, Some(whole)) if needed > limit => {
+                BuildError::OutOfMemory { needed: needed.saturating_add(held), limit: whole }
+            }
+            (error, _) => error,
+        }
+    }
+}
+
 /// Why memory does not suffice.
 struct Lack {
     needed: u64,

@@ -78,6 +78,18 @@ impl Deferred {
         }
     }
 
+    /// An error of work after any mark.
+    #[cfg(all(test, not(target_family = "wasm")))]
+    pub(crate) fn refuse(&self, error: GpuError) {
+        self.lock().errors.push_back((Mark(u64::MAX), error));
+    }
+
+    /// Forgets all errors.
+    #[cfg(all(test, not(target_family = "wasm")))]
+    pub(crate) fn forget(&self) {
+        self.lock().errors.clear();
+    }
+
     fn lock(&self) -> MutexGuard<'_, Checks> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }

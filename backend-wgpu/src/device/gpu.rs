@@ -238,6 +238,18 @@ impl Gpu {
         self.deferred.mark()
     }
 
+    /// Has everything since any mark refused with this error, as a browser may tell it.
+    #[cfg(all(test, not(target_family = "wasm")))]
+    pub(crate) fn refuse_later(&self, error: GpuError) {
+        self.deferred.refuse(error);
+    }
+
+    /// Forgets what was refused.
+    #[cfg(all(test, not(target_family = "wasm")))]
+    pub(crate) fn forget_refused(&self) {
+        self.deferred.forget();
+    }
+
     /// Whether it is known how all that was guarded since a mark went. Only in a browser it may not be.
     ///
     /// # Errors

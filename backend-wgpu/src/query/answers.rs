@@ -15,6 +15,8 @@ use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray, Undecided};
 use splitplane_core::report::{BuildSummary, QueryReport};
 use splitplane_core::tree::KdTree;
+use splitplane_core::tree::node::KdNode;
+use splitplane_core::triangle::Triangle;
 use splitplane_core::watch::Watch;
 
 use super::accelerator::{Slices, WgpuAccelerator};
@@ -344,6 +346,15 @@ impl Accelerator for WgpuAccelerator {
     /// Bytes on the device; the host copy is not counted.
     fn query_bytes(&self) -> u64 {
         self.device.bytes()
+    }
+
+    /// Bytes on the device and of the host's copies.
+    fn held_bytes(&self) -> u64 {
+        let KdTree { nodes, references, .. } = &self.tree;
+        let tree =
+            nodes.capacity() * size_of::<KdNode>() + references.capacity() * size_of::<u32>();
+        let triangles = self.triangles.capacity() * size_of::<Triangle>();
+        self.device.bytes() + (tree + triangles) as u64
     }
 
     /// Calls the watch between slices and while the device works on one.

@@ -27,6 +27,17 @@ impl<'a> BuildOptions<'a> {
         LoadOptions { max_memory, layout, watch }
     }
 
+    /// The same while so many bytes are held besides: of the limit what they leave. [`BuildError::beside`](crate::error::BuildError::beside) tells an error to who set it.
+    #[must_use]
+    pub const fn beside(&self, held: u64) -> BuildOptions<'a> {
+        let BuildOptions { config, max_memory, layout, watch } = *self;
+        let max_memory = match max_memory {
+            Some(limit) => Some(limit.saturating_sub(held)),
+            None => None,
+        };
+        BuildOptions { config, max_memory, layout, watch }
+    }
+
     /// The same without a watch, which can be kept for any time.
     #[must_use]
     pub const fn unwatched(&self) -> BuildOptions<'static> {

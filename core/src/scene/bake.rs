@@ -59,6 +59,14 @@ pub enum BakeError {
         /// The triangle.
         triangle: u32,
     },
+    /// The new meshes and the table would hold more memory than allowed.
+    #[error("the baked meshes take {needed} bytes, more than the limit of {limit}")]
+    OutOfMemory {
+        /// Bytes that they take.
+        needed: u64,
+        /// The limit.
+        limit: u64,
+    },
     /// More triangles or vertices than one mesh can have.
     #[error(
         "with instance {instance} a group has more than {MAX_TRIANGLES} triangles or 2^32 vertices"
@@ -77,9 +85,12 @@ impl Scene {
     /// are free, and geometries that lost their last instance are too. The table says what the group's triangles were. Groups without instances
     /// are passed over.
     ///
-    /// Corners are computed in `f64` and rounded to `f32` once. They may leave triangles without area, which no ray hits. Sides stay, also of mirrored instances: they are
+    /// Corners are computed in `f64` and rounded to `f32` once. Roundings may take a triangle's area, so that no ray hits it; and they may give an area to one that had none in its object,
+    /// whose corners were on one line there: rays can hit that one afterwards, and could not before. Sides stay, also of mirrored instances: they are
     /// those of the triangle in the world, as [`Culling`](crate::ray::Culling) of an instance sees them. At equal `t` the least (instance, triangle) wins, so within a group the same triangle as
     /// before; against other instances the group counts as its least. Surfaces that coincide in several instances belong into one group: a corner that is rounded may lie before one that is not.
+    ///
+    /// It takes as much memory as it needs: [`Scene::bake_within`] has a limit.
     ///
     /// # Errors
     /// See [`BakeError`].
@@ -100,6 +111,18 @@ impl Scene {
     /// assert_eq!(table.original(names[0], 0), None);
     /// ```
     pub fn bake(&self, groups: &[&[InstanceId]]) -> Result<(Scene, BakedTable), BakeError> {
+        self.bake_within(groups, u64::MAX)
+    }
+
+    /// As [`Scene::bake`], within a limit of memory: a few small meshes with very many instances become large ones, which are refused before anything is taken for them.
+    ///
+    /// # Errors
+    /// As there, and [`BakeError::OutOfMemory`] where [`Scene::baked_bytes`] is more than `max_bytes`.
+    pub fn bake_within(
+        &self,
+        groups: &[&[InstanceId]],
+        max_bytes: u64,
+    ) -> Result<(Scene, BakedTable), BakeError> {
         let mut chosen: Vec<InstanceId> = Vec::new();
         for group in groups {
             reserve(&mut chosen, group.len())?;
@@ -108,6 +131,10 @@ impl Scene {
         chosen.sort_unstable();
         if let Some(twice) = chosen.windows(2).find(|two| two[0] == two[1]) {
             return Err(BakeError::Twice { instance: twice[0].0 });
+        }
+        let needed = self.baked_bytes(groups)?;
+        if needed > max_bytes {
+            return Err(BakeError::OutOfMemory { needed, limit: max_bytes });
         }
         let (mut scene, mut table) = (self.shared_copy()?, BakedTable::default());
         for group in groups {
@@ -118,13 +145,14 @@ impl Scene {
             names.sort_unstable();
             let Some(&first) = names.first() else { continue };
             let (mesh, parts) = self.bake_group(&names)?;
-            let geometry = scene.add_arrays(mesh.positions, mesh.indices)?;
+            let (geometry, triangles) = (mesh.positions, mesh.indices.len() as u32);
+            let geometry = scene.add_arrays(geometry, mesh.indices)?;
             let becomes = Instance { geometry, transform: IDENTITY, ..*self.instance(first)? };
             scene.set_instance(first, becomes)?;
             for name in &names[1..] {
                 scene.remove_instance(*name)?;
             }
-            table.add(first, geometry, parts)?;
+            table.add(first, (geometry, triangles), parts)?;
         }
         for name in chosen {
             let geometry = self.instance(name)?.geometry;
@@ -138,10 +166,38 @@ impl Scene {
         Ok((scene, table))
     }
 
+    /// Bytes of the new meshes and of the table that [`Scene::bake`] makes of these groups, without lists of the whole scene. Nothing is baked, so an error of what
+    /// instances are is not found.
+    ///
+    /// # Errors
+    /// [`BakeError::Scene`] for an unknown instance, [`BakeError::TooMany`].
+    pub fn baked_bytes(&self, groups: &[&[InstanceId]]) -> Result<u64, BakeError> {
+        let mut bytes = 0;
+        for group in groups {
+            let mut size = BakedSize::default();
+            for name in *group {
+                let mesh = self.geometry(self.instance(*name)?.geometry)?;
+                size = size.and(*name, &mesh.mesh())?;
+            }
+            if !group.is_empty() {
+                bytes += size.bytes() + table::bytes_of_group(group.len());
+            }
+        }
+        Ok(bytes)
+    }
+
     /// The triangles of these instances in the world, one instance after the other, and where each begins.
     fn bake_group(&self, names: &[InstanceId]) -> Result<(BakedMesh, Vec<Part>), BakeError> {
         let (mut mesh, mut parts) = (BakedMesh::default(), Vec::new());
         reserve(&mut parts, names.len())?;
+        // In one piece, so that lists do not grow beside their old ones.
+        let mut size = BakedSize::default();
+        for &name in names {
+            let geometry = self.geometry(self.instance(name)?.geometry)?;
+            size = size.and(name, &geometry.mesh())?;
+        }
+        reserve_exact(&mut mesh.positions, size.vertices)?;
+        reserve_exact(&mut mesh.indices, size.triangles)?;
         let first = names.first().map(|name| self.instance(*name)).transpose()?;
         for &name in names {
             let (own, instance) = (self.instance(name)?, name.0);
@@ -174,6 +230,36 @@ impl Scene {
     }
 }
 
+/// How large the mesh of a group is.
+#[derive(Clone, Copy, Default)]
+struct BakedSize {
+    vertices: usize,
+    triangles: usize,
+}
+
+impl BakedSize {
+    /// With one instance more, of this mesh.
+    fn and(self, name: InstanceId, mesh: &Mesh<'_>) -> Result<BakedSize, BakeError> {
+        // Either is less than 2^32, so that only a sum on a machine of 32 bits may wrap.
+        let vertices = self.vertices.saturating_add(mesh.arrays().0.len());
+        let triangles = self.triangles.saturating_add(mesh.len());
+        if triangles > MAX_TRIANGLES || vertices > u32::MAX as usize {
+            return Err(BakeError::TooMany { instance: name.0 });
+        }
+        Ok(BakedSize { vertices, triangles })
+    }
+
+    fn bytes(self) -> u64 {
+        (self.vertices as u64) * size_of::<[f32; 3]>() as u64
+            + (self.triangles as u64) * size_of::<[u32; 3]>() as u64
+    }
+}
+
+fn reserve_exact<T>(list: &mut Vec<T>, more: usize) -> Result<(), SceneError> {
+    let bytes = more.saturating_mul(size_of::<T>()) as u64;
+    list.try_reserve_exact(more).map_err(|_| SceneError::OutOfMemory { bytes })
+}
+
 /// The mesh of a group.
 #[derive(Default)]
 struct BakedMesh {
@@ -182,15 +268,9 @@ struct BakedMesh {
 }
 
 impl BakedMesh {
+    /// Adds an instance, for which there is room.
     fn add(&mut self, name: InstanceId, own: &Instance, mesh: &Mesh<'_>) -> Result<(), BakeError> {
         let (positions, _) = mesh.arrays();
-        let (triangles, vertices) =
-            (self.indices.len() + mesh.len(), self.positions.len() + positions.len());
-        if triangles > MAX_TRIANGLES || vertices > u32::MAX as usize {
-            return Err(BakeError::TooMany { instance: name.0 });
-        }
-        reserve(&mut self.positions, positions.len())?;
-        reserve(&mut self.indices, mesh.len())?;
         let shift = self.positions.len() as u32;
         let rows = in_f64(&own.transform);
         self.positions.extend(positions.iter().map(|point| {

@@ -155,6 +155,21 @@ pub enum SceneBuildError {
     },
 }
 
+impl SceneBuildError {
+    /// The error of work that was left what so many bytes leave of a limit, as one of the whole.
+    pub(crate) fn beside(self, held: u64, whole: Option<u64>) -> SceneBuildError {
+        match (self, whole) {
+            (SceneBuildError::Geometry { geometry, error }, _) => {
+                SceneBuildError::Geometry { geometry, error: error.beside(held, whole) }
+            }
+            (SceneBuildError::OutOfMemory { needed, limit }, Some(whole)) if needed > limit => {
+                SceneBuildError::OutOfMemory { needed: needed.saturating_add(held), limit: whole }
+            }
+            (error, _) => error,
+        }
+    }
+}
+
 /// What a description refuses before anything is built.
 impl From<SceneError> for SceneBuildError {
     fn from(error: SceneError) -> SceneBuildError {

@@ -95,8 +95,8 @@ pub struct SceneReport {
     pub batches: u64,
     /// Rays whose instances the CPU found for a device. 0 for the CPU backend, and where a device finds them itself.
     pub placed_by_cpu: u64,
-    /// Hits that a filter or an opacity mask rejected. One may be shown again, where several leaves name its triangle, and counts each time. A device that answers rays by itself does not
-    /// count what its opacity masks reject.
+    /// Hits that a filter or an opacity mask rejected. One may be shown again, where several leaves name its triangle, and
+    /// counts each time. What opacity masks reject on a device that answers rays by itself is not counted: 0 there.
     pub rejected: u64,
 }
 

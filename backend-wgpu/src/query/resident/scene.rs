@@ -81,19 +81,28 @@ impl WgpuScene {
         options: &BuildOptions<'_>,
         mut ready: VecDeque<Box<dyn Accelerator>>,
     ) -> Result<UpdateReport, SceneBuildError> {
-        let gpu = Arc::clone(self.queries.gpu());
-        let from = gpu.mark();
         let mut next = |_: &Mesh<'_>, _: &BuildOptions<'_>| {
             let lacking = || DeviceError::Failed("a geometry was not built before".into());
             ready.pop_front().ok_or_else(|| BuildError::Device(lacking()))
         };
-        let report = self.update_by(scene, options, &mut next)?;
+        self.settled(|own| own.update_by(scene, options, &mut next)).await
+    }
+
+    /// Updates the scene by `work`, and waits until it is known what the device refused meanwhile, which a browser tells later. That is an error, and
+    /// takes the scene from the device: the next update sends everything again.
+    pub(crate) async fn settled<T, E: From<SceneBuildError>>(
+        &mut self,
+        work: impl FnOnce(&mut WgpuScene) -> Result<T, E>,
+    ) -> Result<T, E> {
+        let gpu = Arc::clone(self.queries.gpu());
+        let from = gpu.mark();
+        let done = work(self)?;
         if let Err(error) = gpu.settle(Wait::Yielding, from).await {
             let error = gpu.cause(error).await;
             self.held = Err(error.to_string());
-            return Err(failed(error));
+            return Err(failed(error).into());
         }
-        Ok(report)
+        Ok(done)
     }
 
     /// As [`SceneAccelerator::closest_hits`], without blocking while the device works: batches of accuracy `watertight` without a filter, with a scene that

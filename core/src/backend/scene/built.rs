@@ -7,7 +7,7 @@ use alloc::vec::Vec;
 use super::extents::Extents;
 use super::nearness::Nearness;
 use super::shapes::ShapeAccelerator;
-use super::shared::SharedGeometry;
+use super::shared::{SharedGeometry, bytes_of};
 use crate::aabb::Aabb;
 use crate::backend::{Accelerator, BuildOptions};
 use crate::error::BuildError;
@@ -37,6 +37,27 @@ pub struct BuiltGeometry {
     bounds: Aabb,
     /// Where its triangles are, for the boxes of its instances.
     outline: Option<Outline>,
+    /// Which shared tree it has; 0: one of its own.
+    share: usize,
+    /// Whether another geometry of the update that built it counts that tree.
+    counted: bool,
+}
+
+/// Bytes of trees that several of these geometries share, without the first time of each. None where there is no memory to compare them: then they
+/// count as often as they are there.
+pub(super) fn repeated_bytes<'a>(geometries: impl Iterator<Item = &'a BuiltGeometry>) -> u64 {
+    if !KNOWN {
+        return 0;
+    }
+    let mut shares: Vec<(usize, u64)> = Vec::new();
+    for own in geometries.filter(|own| own.share != 0) {
+        if shares.try_reserve(1).is_err() {
+            return 0;
+        }
+        shares.push((own.share, bytes_of(&*own.accelerator)));
+    }
+    shares.sort_unstable();
+    shares.windows(2).filter(|two| two[0].0 == two[1].0).map(|two| two[1].1).sum()
 }
 
 /// Whether trees that several scenes share bring what is known of their triangles. Else it is found again: in browsers nobody shares them.
@@ -47,16 +68,26 @@ impl BuiltGeometry {
         mesh: Arc<GeometryMesh>,
         mut accelerator: Box<dyn Accelerator>,
     ) -> BuiltGeometry {
-        let known = if KNOWN {
-            let shared = accelerator.downcast_mut::<SharedGeometry>();
-            shared.and_then(|shared| shared.extents_of(&mesh))
-        } else {
-            None
-        };
+        let (mut known, mut share, mut counted) = (None, 0, false);
+        if KNOWN && let Some(shared) = accelerator.downcast_mut::<SharedGeometry>() {
+            (known, share) = (shared.extents_of(&mesh), shared.identity());
+            counted = shared.is_counted();
+        }
         let extents = known.unwrap_or_else(|| Extents::of(&mesh, accelerator.tree()));
         let Extents { scale, digest, bounds, outline } = extents;
         let (shapes, opacity) = (None, None);
-        BuiltGeometry { mesh, accelerator, shapes, opacity, scale, digest, bounds, outline }
+        BuiltGeometry {
+            mesh,
+            accelerator,
+            shapes,
+            opacity,
+            scale,
+            digest,
+            bounds,
+            outline,
+            share,
+            counted,
+        }
     }
 
     /// Builds a geometry of shapes. Their functions, where they are the user's, are called for this.
@@ -69,7 +100,19 @@ impl BuiltGeometry {
         let scale = SceneScale::new(Aabb::EMPTY, &Limits::NONE);
         let (digest, bounds) = (shapes.digest(), shapes.bounds());
         let (shapes, opacity, outline) = (Some(shapes), None, None);
-        Ok(BuiltGeometry { mesh, accelerator, shapes, opacity, scale, digest, bounds, outline })
+        let own = BuiltGeometry {
+            mesh,
+            accelerator,
+            shapes,
+            opacity,
+            scale,
+            digest,
+            bounds,
+            outline,
+            share: 0,
+            counted: false,
+        };
+        Ok(own)
     }
 
     /// What answers its rays, in its own space. That of a geometry of shapes has an empty kd-tree.
@@ -112,12 +155,15 @@ impl BuiltGeometry {
         self.outline.as_ref()
     }
 
+    /// Bytes of it that an update which builds it counts: none for a tree that it counts for another geometry.
+    pub(super) fn uncounted_bytes(&self) -> u64 {
+        if self.counted { 0 } else { self.bytes() }
+    }
+
     /// Bytes of the tree and of what queries read.
     pub fn bytes(&self) -> u64 {
-        let tree = self.accelerator.tree();
-        let tree = size_of_val(&tree.nodes[..]) + size_of_val(&tree.references[..]);
         let opacity = self.opacity.as_ref().map_or(0, |mask| size_of_val(mask.words()));
-        self.accelerator.query_bytes() + (tree + opacity) as u64
+        bytes_of(&*self.accelerator) + opacity as u64
     }
 
     /// An instance of it, where it is.
@@ -144,6 +190,8 @@ pub struct BuiltScene {
     pub(super) edits: Option<Edits>,
     /// Whether a geometry has an opacity mask.
     pub(super) masked: bool,
+    /// Bytes of trees that several geometries share, without the first time of each.
+    pub(super) repeated: u64,
     /// Whether closest points are defined for all its shapes, once somebody asked.
     pub(super) nearness: Nearness,
 }
@@ -210,10 +258,10 @@ impl BuiltScene {
         hash.finish()
     }
 
-    /// Bytes that are held: geometries, placements, and the tree over them.
+    /// Bytes that are held: geometries, placements, and the tree over them. A tree that several geometries share counts once.
     pub fn bytes(&self) -> u64 {
         let geometries: u64 = self.geometries().map(|(_, geometry)| geometry.bytes()).sum();
-        geometries + self.bytes_beside_geometries()
+        geometries - self.repeated + self.bytes_beside_geometries()
     }
 
     /// Bytes of placements and of the tree over them.

@@ -17,6 +17,7 @@ mod host;
 mod locate;
 mod near_shapes;
 mod nearness;
+mod needed;
 mod overlap;
 pub mod packed;
 mod pending;

@@ -1,14 +1,16 @@
 //! An update whose trees are built while the scene goes on answering.
 
 use alloc::boxed::Box;
+use alloc::format;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 use thiserror::Error;
 
 use super::accelerator::SceneAccelerator;
 use super::built::BuiltScene;
+use super::needed::NeededTrees;
 use super::shared::SharedGeometry;
-use super::update::{UpdateReport, push};
+use super::update::{UpdateReport, push, reserve};
 use crate::backend::{Accelerator, Backend, BuildOptions};
 use crate::cancel::go_on;
 use crate::error::BuildError;
@@ -59,14 +61,7 @@ pub enum FinishError {
 /// ```
 pub struct PendingUpdate {
     before: Before,
-    parts: Vec<Part>,
-}
-
-/// A mesh that the update needs a tree of.
-struct Part {
-    name: GeometryId,
-    mesh: Arc<GeometryMesh>,
-    built: Option<SharedGeometry>,
+    trees: NeededTrees,
 }
 
 /// What a geometry of a scene consists of.
@@ -120,9 +115,9 @@ impl PendingUpdate {
         description: &Scene,
     ) -> Result<PendingUpdate, SceneBuildError> {
         backend.check_shapes(description)?;
-        let mut update = PendingUpdate { before: Before::of(scene)?, parts: Vec::new() };
-        update.parts = update.parts_of(scene, description)?;
-        Ok(update)
+        let before = Before::of(scene)?;
+        let trees = NeededTrees::of(scene.unbuilt(description), &NeededTrees::default())?;
+        Ok(PendingUpdate { before, trees })
     }
 
     /// Begins again, with the scene as it is now and another description or the same: after [`FinishError::Outdated`], or when geometries of the
@@ -135,63 +130,41 @@ impl PendingUpdate {
         scene: &BuiltScene,
         description: &Scene,
     ) -> Result<(), SceneBuildError> {
-        let (before, parts) = (Before::of(scene)?, self.parts_of(scene, description)?);
-        (self.before, self.parts) = (before, parts);
+        let before = Before::of(scene)?;
+        let trees = NeededTrees::of(scene.unbuilt(description), &self.trees)?;
+        (self.before, self.trees) = (before, trees);
         Ok(())
     }
 
-    fn parts_of(
-        &self,
-        scene: &BuiltScene,
-        description: &Scene,
-    ) -> Result<Vec<Part>, SceneBuildError> {
-        let mut parts = Vec::new();
-        for (name, mesh) in scene.unbuilt(description) {
-            let (mesh, built) = (Arc::clone(mesh), self.tree_of(mesh).cloned());
-            push(&mut parts, Part { name, mesh, built })?;
-        }
-        Ok(parts)
-    }
-
-    /// The tree over these arrays, where there is one.
-    fn tree_of(&self, mesh: &Arc<GeometryMesh>) -> Option<&SharedGeometry> {
-        let part = self.parts.iter().find(|part| Arc::ptr_eq(&part.mesh, mesh));
-        part.and_then(|part| part.built.as_ref())
-    }
-
-    /// How many meshes have no tree yet.
+    /// How many meshes have no tree yet. One that several geometries share counts once.
     pub fn left(&self) -> usize {
-        self.parts.iter().filter(|part| part.built.is_none()).count()
+        self.trees.left()
     }
 
-    /// Bytes of the trees that are built, which no scene has yet.
+    /// Bytes of the trees that are built, which no scene has yet. One that several geometries share counts once.
     pub fn bytes(&self) -> u64 {
-        self.parts.iter().filter_map(|part| Some(part.built.as_ref()?.bytes())).sum()
+        self.trees.bytes()
     }
 
     /// The next mesh without a tree, for who builds it elsewhere and gives it to [`PendingUpdate::give`].
     pub fn next_mesh(&self) -> Option<(GeometryId, &Arc<GeometryMesh>)> {
-        let part = self.parts.iter().find(|part| part.built.is_none())?;
-        Some((part.name, &part.mesh))
+        self.trees.next()
     }
 
     /// The first geometry that waits for a tree over these arrays.
     pub fn waits_for(&self, mesh: &Arc<GeometryMesh>) -> Option<GeometryId> {
-        let part = self.parts.iter().find(|p| p.built.is_none() && Arc::ptr_eq(&p.mesh, mesh))?;
-        Some(part.name)
+        self.trees.waits_for(mesh)
     }
 
     /// How far building has come.
     pub fn progress(&self) -> Progress {
-        let total = self.parts.len() as u64;
+        let total = self.trees.len() as u64;
         Progress { stage: Stage::Geometries, done: total - self.left() as u64, total }
     }
 
     /// Options for the next mesh: of a limit what the scene as it was and the trees so far leave.
     pub fn options_for_next<'a>(&self, options: &BuildOptions<'a>) -> BuildOptions<'a> {
-        let held = self.before.held.saturating_add(self.bytes());
-        let max_memory = options.max_memory.map(|limit| limit.saturating_sub(held));
-        BuildOptions { max_memory, ..*options }
+        options.beside(self.before.held.saturating_add(self.bytes()))
     }
 
     /// What a failed build of a mesh, with [`PendingUpdate::options_for_next`], is to the caller, who set a limit for all.
@@ -205,25 +178,35 @@ impl PendingUpdate {
             BuildError::Cancelled { .. } => {
                 return SceneBuildError::Cancelled { progress: self.progress() };
             }
-            BuildError::OutOfMemory { needed, limit } if needed > limit => {
+            error => {
                 let held = self.before.held.saturating_add(self.bytes());
-                let limit = options.max_memory.unwrap_or(limit);
-                BuildError::OutOfMemory { needed: needed.saturating_add(held), limit }
+                error.beside(held, options.max_memory)
             }
-            error => error,
         };
         SceneBuildError::Geometry { geometry: geometry.0, error }
     }
 
-    /// Gives the tree over the arrays that [`PendingUpdate::next_mesh`] named. Where several geometries have these arrays, all of them get it; where none
-    /// waits for it any more, it is dropped.
-    pub fn give(&mut self, mesh: &Arc<GeometryMesh>, tree: Box<dyn Accelerator>) {
-        let shared = SharedGeometry::new(Arc::clone(mesh), tree);
-        for part in &mut self.parts {
-            if part.built.is_none() && Arc::ptr_eq(&part.mesh, mesh) {
-                part.built = Some(shared.clone());
-            }
+    /// Gives the tree over the arrays that [`PendingUpdate::next_mesh`] named, which [`Backend::build`] or [`Backend::load`] made of them. Where several geometries
+    /// have these arrays, all of them get it; where none waits for it any more, it is dropped.
+    ///
+    /// A tree over other arrays gives wrong hits, or panics when it is asked. Only the number of triangles is compared.
+    ///
+    /// # Errors
+    /// [`BuildError::WrongMesh`] for a tree of another number of triangles than the mesh has. The mesh then still waits.
+    pub fn give(
+        &mut self,
+        mesh: &Arc<GeometryMesh>,
+        tree: Box<dyn Accelerator>,
+    ) -> Result<(), BuildError> {
+        let (own, given) = (mesh.mesh().len(), tree.tree().triangles as usize);
+        if own != given {
+            let reason = format!("the tree has {given} triangles, the mesh {own}");
+            return Err(BuildError::WrongMesh { reason });
         }
+        if self.trees.waits_for(mesh).is_some() {
+            self.trees.give(SharedGeometry::new(Arc::clone(mesh), tree));
+        }
+        Ok(())
     }
 
     /// Builds the tree of the next mesh without one, and waits for it. False where there is none. So a thread can do other work between two.
@@ -240,8 +223,8 @@ impl PendingUpdate {
         let progress = self.progress();
         go_on(options.watch, progress).map_err(|_| SceneBuildError::Cancelled { progress })?;
         let tree = backend.build(&mesh.mesh(), &self.options_for_next(options));
-        let tree = tree.map_err(|error| self.error_of(name, error, options))?;
-        self.give(&mesh, tree);
+        let given = tree.and_then(|tree| self.give(&mesh, tree));
+        given.map_err(|error| self.error_of(name, error, options))?;
         Ok(true)
     }
 
@@ -275,16 +258,22 @@ impl PendingUpdate {
             return Err(FinishError::Outdated);
         }
         let mut trees: Vec<SharedGeometry> = Vec::new();
+        let mut seen: Vec<bool> = Vec::new();
+        reserve(&mut seen, self.trees.len())?;
+        seen.resize(self.trees.len(), false);
         for (name, mesh) in scene.scene().unbuilt(description) {
-            let tree = self.tree_of(mesh).ok_or(FinishError::NotBuilt { geometry: name.0 })?;
-            push(&mut trees, tree.clone())?;
+            let missing = FinishError::NotBuilt { geometry: name.0 };
+            let place = self.trees.place_of(mesh).ok_or(missing.clone())?;
+            let tree = self.trees.tree_of(mesh).ok_or(missing)?;
+            let counted = core::mem::replace(&mut seen[place], true);
+            push(&mut trees, tree.again(counted))?;
         }
         let mut trees = trees.into_iter();
         let mut next = |_: &Mesh<'_>, options: &BuildOptions<'_>| {
             // As many as are asked for, in this order.
             let missing = || BuildError::WrongMesh { reason: "it was not built before".into() };
             let tree = trees.next().ok_or_else(missing)?;
-            let needed = tree.bytes();
+            let needed = if tree.is_counted() { 0 } else { tree.bytes() };
             if let Some(limit) = options.max_memory.filter(|&limit| needed > limit) {
                 return Err(BuildError::OutOfMemory { needed, limit });
             }
@@ -292,7 +281,7 @@ impl PendingUpdate {
             Ok(tree)
         };
         let report = scene.update_by(description, options, &mut next)?;
-        self.parts.clear();
+        self.trees = NeededTrees::default();
         Ok(report)
     }
 }

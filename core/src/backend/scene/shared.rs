@@ -22,7 +22,11 @@ use crate::tree::KdTree;
 /// It knows already what a scene wants to know of all triangles. So a scene that gets it from its [`BuildGeometry`](super::BuildGeometry) for
 /// the same arrays looks at none of them.
 #[derive(Clone)]
-pub struct SharedGeometry(Arc<Whole>);
+pub struct SharedGeometry {
+    whole: Arc<Whole>,
+    /// Another geometry of the same update has it too, and counts it.
+    counted: bool,
+}
 
 struct Whole {
     tree: Box<dyn Accelerator>,
@@ -34,27 +38,42 @@ impl SharedGeometry {
     /// Looks once at all triangles of the mesh that the tree was built over.
     pub fn new(mesh: Arc<GeometryMesh>, tree: Box<dyn Accelerator>) -> SharedGeometry {
         let extents = Extents::of(&mesh, tree.tree());
-        SharedGeometry(Arc::new(Whole { tree, mesh, extents }))
+        SharedGeometry { whole: Arc::new(Whole { tree, mesh, extents }), counted: false }
     }
 
     /// The tree, where nobody else has it; else `None`, and who has it keeps it.
     pub fn into_tree(self) -> Option<Box<dyn Accelerator>> {
-        Arc::into_inner(self.0).map(|own| own.tree)
+        Arc::into_inner(self.whole).map(|own| own.tree)
     }
 
     /// The arrays that it was built over.
     pub fn mesh(&self) -> &Arc<GeometryMesh> {
-        &self.0.mesh
+        &self.whole.mesh
     }
 
     /// What is known of the triangles of these arrays; `None` where it was built over others.
     pub(super) fn extents_of(&self, mesh: &Arc<GeometryMesh>) -> Option<Extents> {
-        Arc::ptr_eq(mesh, &self.0.mesh).then_some(self.0.extents)
+        Arc::ptr_eq(mesh, &self.whole.mesh).then_some(self.whole.extents)
+    }
+
+    /// The same tree for another geometry of an update: its bytes count already, or not.
+    pub(super) fn again(&self, counted: bool) -> SharedGeometry {
+        SharedGeometry { whole: Arc::clone(&self.whole), counted }
+    }
+
+    /// Whether another geometry of the same update counts its bytes.
+    pub(super) fn is_counted(&self) -> bool {
+        self.counted
+    }
+
+    /// What tells it from other trees as long as it is there; never 0.
+    pub(super) fn identity(&self) -> usize {
+        Arc::as_ptr(&self.whole).addr()
     }
 
     /// Bytes of the tree and of what queries read.
     pub fn bytes(&self) -> u64 {
-        bytes_of(&*self.0.tree)
+        bytes_of(&*self.whole.tree)
     }
 }
 
@@ -67,20 +86,24 @@ pub(super) fn bytes_of(accelerator: &dyn Accelerator) -> u64 {
 
 impl Accelerator for SharedGeometry {
     fn tree(&self) -> &KdTree {
-        self.0.tree.tree()
+        self.whole.tree.tree()
     }
 
     fn summary(&self) -> &BuildSummary {
-        self.0.tree.summary()
+        self.whole.tree.summary()
     }
 
     fn query_bytes(&self) -> u64 {
-        self.0.tree.query_bytes()
+        self.whole.tree.query_bytes()
+    }
+
+    fn held_bytes(&self) -> u64 {
+        self.whole.tree.held_bytes()
     }
 
     /// The shared tree's: a backend finds its own in it.
     fn as_any(&self) -> Option<&dyn Any> {
-        self.0.tree.as_any()
+        self.whole.tree.as_any()
     }
 
     /// Itself: nobody changes a tree that others have too.
@@ -89,11 +112,11 @@ impl Accelerator for SharedGeometry {
     }
 
     fn closest_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> Option<Hit> {
-        self.0.tree.closest_hit(ray, options)
+        self.whole.tree.closest_hit(ray, options)
     }
 
     fn any_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> bool {
-        self.0.tree.any_hit(ray, options)
+        self.whole.tree.any_hit(ray, options)
     }
 
     fn closest_hits(
@@ -102,7 +125,7 @@ impl Accelerator for SharedGeometry {
         hits: &mut [Hit],
         options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
-        self.0.tree.closest_hits(rays, hits, options)
+        self.whole.tree.closest_hits(rays, hits, options)
     }
 
     fn any_hits(
@@ -111,7 +134,7 @@ impl Accelerator for SharedGeometry {
         occluded: &mut [bool],
         options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
-        self.0.tree.any_hits(rays, occluded, options)
+        self.whole.tree.any_hits(rays, occluded, options)
     }
 
     fn closest_hits_of(
@@ -120,7 +143,7 @@ impl Accelerator for SharedGeometry {
         hits: &mut [Hit],
         options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
-        self.0.tree.closest_hits_of(rays, hits, options)
+        self.whole.tree.closest_hits_of(rays, hits, options)
     }
 
     fn any_hits_of(
@@ -129,11 +152,11 @@ impl Accelerator for SharedGeometry {
         occluded: &mut [bool],
         options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
-        self.0.tree.any_hits_of(rays, occluded, options)
+        self.whole.tree.any_hits_of(rays, occluded, options)
     }
 
     fn all_hits(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> Result<AllHits, QueryError> {
-        self.0.tree.all_hits(rays, options)
+        self.whole.tree.all_hits(rays, options)
     }
 
     fn count_hits(
@@ -142,7 +165,7 @@ impl Accelerator for SharedGeometry {
         counts: &mut [u32],
         options: &AllHitsOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
-        self.0.tree.count_hits(rays, counts, options)
+        self.whole.tree.count_hits(rays, counts, options)
     }
 
     fn locate(
@@ -150,7 +173,7 @@ impl Accelerator for SharedGeometry {
         points: &[[f32; 3]],
         options: &LocateOptions<'_>,
     ) -> Result<Located, QueryError> {
-        self.0.tree.locate(points, options)
+        self.whole.tree.locate(points, options)
     }
 
     fn impacts(
@@ -159,7 +182,7 @@ impl Accelerator for SharedGeometry {
         impacts: &mut [Impact],
         options: &CastOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
-        self.0.tree.impacts(casts, impacts, options)
+        self.whole.tree.impacts(casts, impacts, options)
     }
 
     fn closest_points(
@@ -168,7 +191,7 @@ impl Accelerator for SharedGeometry {
         closest: &mut [ClosestPoint],
         options: &ClosestPointOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
-        self.0.tree.closest_points(points, closest, options)
+        self.whole.tree.closest_points(points, closest, options)
     }
 
     fn overlaps(
@@ -176,7 +199,7 @@ impl Accelerator for SharedGeometry {
         volumes: &[Volume<'_>],
         options: &OverlapOptions<'_>,
     ) -> Result<Overlaps, QueryError> {
-        self.0.tree.overlaps(volumes, options)
+        self.whole.tree.overlaps(volumes, options)
     }
 
     fn overlaps_any(
@@ -185,6 +208,6 @@ impl Accelerator for SharedGeometry {
         found: &mut [bool],
         options: &OverlapOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
-        self.0.tree.overlaps_any(volumes, found, options)
+        self.whole.tree.overlaps_any(volumes, found, options)
     }
 }

@@ -5,7 +5,8 @@ use alloc::sync::Arc;
 use alloc::vec::Vec;
 
 use super::accelerator::SceneAccelerator;
-use super::shared::{SharedGeometry, bytes_of};
+use super::built::{BuiltGeometry, BuiltScene};
+use super::shared::SharedGeometry;
 use super::update::{UpdateReport, push, reserve};
 use crate::backend::{Accelerator, Backend, BuildOptions};
 use crate::error::BuildError;
@@ -17,9 +18,11 @@ use crate::scene::{GeometryId, GeometryMesh, Scene, SceneBuildError};
 /// A tree that came from here and is replaced becomes the geometry's spare, and the next update builds into its memory ([`Backend::rebuild`], which with a
 /// watch builds beside it on the CPU, and keeps nothing). So the first two updates of a mesh take new memory, and a failed update still
 /// leaves the scene as it was, since no tree that rays go through is written. The price is a second tree for each mesh that changes: `max_spare_bytes` bounds
-/// them, [`SceneUpdater::spare_bytes`] tells them, and [`SceneUpdater::clear`] drops them. [`Backend::update_scene`] keeps none.
+/// them, [`SceneUpdater::spare_bytes`] tells them, and [`SceneUpdater::clear`] drops them. [`Backend::update_scene`] keeps none. A tree that was built into the memory
+/// of a larger one goes on holding that: spares count by what they hold ([`Accelerator::held_bytes`]), a scene by what queries read.
 ///
-/// Trees and hits are those of [`Backend::update_scene`]. A scene may be updated in both ways in turn.
+/// Trees and hits are those of [`Backend::update_scene`]. A scene may be updated in both ways in turn. Trees that the scene does not have any more when an update begins
+/// are spares from then on, within the bound; until then, and after a scene is dropped, they are held. [`SceneUpdater::clear`] drops them too.
 ///
 /// ```
 /// # use splitplane_core::backend::{Backend, BuildOptions};
@@ -43,9 +46,9 @@ use crate::scene::{GeometryId, GeometryMesh, Scene, SceneBuildError};
 /// ```
 pub struct SceneUpdater {
     max_spare_bytes: u64,
-    /// Shares of the trees that scenes got from here, by geometry.
+    /// Shares of the trees that scenes got from here, in ascending order of geometries.
     current: Vec<(GeometryId, SharedGeometry)>,
-    spares: Vec<(GeometryId, Box<dyn Accelerator>)>,
+    spares: Spares,
     /// Empty between updates: their memory is kept.
     asked: Vec<(GeometryId, Arc<GeometryMesh>)>,
     made: Vec<(GeometryId, SharedGeometry)>,
@@ -54,22 +57,22 @@ pub struct SceneUpdater {
 impl SceneUpdater {
     /// One that has no spares yet, and never more than this.
     pub fn new(max_spare_bytes: u64) -> SceneUpdater {
-        let (current, spares) = (Vec::new(), Vec::new());
+        let (current, spares) = (Vec::new(), Spares::default());
         SceneUpdater { max_spare_bytes, current, spares, asked: Vec::new(), made: Vec::new() }
     }
 
-    /// Bytes of all spares.
+    /// Bytes that all spares hold.
     pub fn spare_bytes(&self) -> u64 {
-        self.spares.iter().map(|(_, tree)| bytes_of(&**tree)).sum()
+        self.spares.bytes()
     }
 
-    /// Drops all spares, and its shares of trees that scenes have.
+    /// Drops all spares, and its shares of trees that scenes have or had.
     pub fn clear(&mut self) {
-        self.spares.clear();
+        self.spares = Spares::default();
         self.current.clear();
     }
 
-    /// Brings a scene up to date with its description: see [`Backend::update_scene`]. Spares of meshes that do not change count towards the options' limit too.
+    /// Brings a scene up to date with its description: see [`Backend::update_scene`]. Spares count towards the options' limit too, until they are built into.
     ///
     /// # Errors
     /// As there; the scene is then what it was.
@@ -89,12 +92,10 @@ impl SceneUpdater {
         let more = self.asked.len();
         reserve(&mut self.made, more)?;
         reserve(&mut self.current, more)?;
-        reserve(&mut self.spares, more)?;
-        let asked = |name: &GeometryId| self.asked.iter().any(|(asked, _)| asked == name);
-        let idle = self.spares.iter().filter(|(name, _)| !asked(name));
-        let idle: u64 = idle.map(|(_, tree)| bytes_of(&**tree)).sum();
-        let max_memory = options.max_memory.map(|limit| limit.saturating_sub(idle));
-        let options = BuildOptions { max_memory, ..*options };
+        self.spares.reserve(more + self.current.len())?;
+        self.release_what_is_gone(scene.scene());
+        let mut waiting: u64 = self.asked.iter().map(|(name, _)| self.spares.bytes_of(*name)).sum();
+        let idle = self.spares.bytes() - waiting;
 
         let (spares, made) = (&mut self.spares, &mut self.made);
         let mut asked = self.asked.drain(..);
@@ -102,60 +103,147 @@ impl SceneUpdater {
             // As many as are asked for, in this order.
             let missing = || BuildError::WrongMesh { reason: "it was not announced".into() };
             let (name, own) = asked.next().ok_or_else(missing)?;
-            let spare = spares.iter_mut().position(|(spare, _)| *spare == name);
-            let tree = match spare {
-                Some(place) => {
-                    // After an error it is still a spare.
-                    backend.rebuild(&mut spares[place].1, mesh, options)?;
-                    spares.swap_remove(place).1
-                }
-                None => backend.build(mesh, options)?,
+            // Who builds into a spare counts it.
+            waiting -= spares.bytes_of(name);
+            let left = options.beside(waiting);
+            let tree = match spares.get_mut(name) {
+                // After an error it is still a spare.
+                Some(spare) => backend.rebuild(spare, mesh, &left).map(|()| spares.take(name)),
+                None => backend.build(mesh, &left).map(Some),
             };
-            let shared = SharedGeometry::new(own, tree);
+            let tree = tree.map_err(|error| error.beside(waiting, options.max_memory))?;
+            let shared = SharedGeometry::new(own, tree.ok_or_else(missing)?);
             made.push((name, shared.clone()));
             let shared: Box<dyn Accelerator> = Box::new(shared);
             Ok(shared)
         };
-        let updated = scene.update_by(description, &options, &mut build);
+        let updated = scene.update_by(description, &options.beside(idle), &mut build);
         drop(asked);
+        self.keep_made(updated.is_ok());
+        if updated.is_ok() {
+            let is_mesh = |name| description.geometry(name).is_ok_and(|own| own.shapes().is_none());
+            self.current.retain(|(name, _)| is_mesh(*name));
+            self.spares.retain(is_mesh);
+        }
+        updated.map_err(|error| error.beside(idle, options.max_memory))
+    }
+
+    /// Makes spares of trees that a scene has no more, where nobody else has them.
+    fn release_what_is_gone(&mut self, scene: &BuiltScene) {
+        let (spares, most) = (&mut self.spares, self.max_spare_bytes);
+        let gone = self.current.extract_if(.., |(name, shared)| {
+            let has = |own: &BuiltGeometry| core::ptr::eq(own.accelerator().tree(), shared.tree());
+            !scene.geometry(*name).is_some_and(has)
+        });
+        for (name, shared) in gone {
+            if let Some(tree) = shared.into_tree() {
+                spares.keep(name, tree, most);
+            }
+        }
+        spares.sort();
+    }
+
+    /// Notes the trees that were made, which the scene has now if it was updated; the ones before them become spares.
+    fn keep_made(&mut self, updated: bool) {
+        let before = self.current.len();
+        // With no room for spares nobody will ask for what the scene has.
+        let keeps = self.max_spare_bytes > 0;
         while let Some((name, shared)) = self.made.pop() {
-            let old = match &updated {
-                Ok(_) => self.replace_current(name, shared),
-                Err(_) => Some(shared),
+            let old = if updated && keeps {
+                let known = &mut self.current[..before];
+                if let Ok(place) = known.binary_search_by_key(&name, |(name, _)| *name) {
+                    Some(core::mem::replace(&mut known[place].1, shared))
+                } else {
+                    self.current.push((name, shared));
+                    None
+                }
+            } else {
+                Some(shared)
             };
             // Who else has it keeps it.
             if let Some(tree) = old.and_then(SharedGeometry::into_tree) {
-                self.keep(name, tree);
+                self.spares.keep(name, tree, self.max_spare_bytes);
             }
         }
-        if updated.as_ref().is_ok_and(|report| report.geometries_dropped > 0) {
-            let is_there = |name: GeometryId| description.geometry(name).is_ok();
-            self.current.retain(|(name, _)| is_there(*name));
-            self.spares.retain(|(name, _)| is_there(*name));
-        }
-        updated
+        self.current.sort_unstable_by_key(|(name, _)| *name);
+        self.spares.sort();
+    }
+}
+
+/// The spares, each found by its geometry's name in the logarithm of their number.
+#[derive(Default)]
+struct Spares {
+    /// In ascending order of names up to `sorted`; one that was taken leaves an empty place until all are sorted again.
+    all: Vec<Spare>,
+    sorted: usize,
+    bytes: u64,
+}
+
+struct Spare {
+    name: GeometryId,
+    tree: Option<Box<dyn Accelerator>>,
+    /// What it holds.
+    bytes: u64,
+}
+
+impl Spares {
+    fn reserve(&mut self, more: usize) -> Result<(), SceneBuildError> {
+        reserve(&mut self.all, more)
     }
 
-    /// Notes the tree that the scene has now, and gives the one that it had.
-    fn replace_current(
-        &mut self,
-        name: GeometryId,
-        shared: SharedGeometry,
-    ) -> Option<SharedGeometry> {
-        match self.current.iter_mut().find(|(own, _)| *own == name) {
-            Some((_, own)) => Some(core::mem::replace(own, shared)),
-            None => {
-                self.current.push((name, shared));
-                None
-            }
+    /// Bytes that all hold.
+    fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    fn place_of(&self, name: GeometryId) -> Option<usize> {
+        self.all[..self.sorted].binary_search_by_key(&name, |spare| spare.name).ok()
+    }
+
+    /// Bytes that the spare of a geometry holds; 0 where there is none.
+    fn bytes_of(&self, name: GeometryId) -> u64 {
+        self.place_of(name).map_or(0, |place| self.all[place].bytes)
+    }
+
+    fn get_mut(&mut self, name: GeometryId) -> Option<&mut Box<dyn Accelerator>> {
+        let place = self.place_of(name)?;
+        self.all[place].tree.as_mut()
+    }
+
+    fn take(&mut self, name: GeometryId) -> Option<Box<dyn Accelerator>> {
+        let place = self.place_of(name)?;
+        let own = &mut self.all[place];
+        self.bytes -= core::mem::take(&mut own.bytes);
+        own.tree.take()
+    }
+
+    /// Keeps a tree as the spare of a geometry in place of another one, where there is room for it; the list has space. It is found once the list
+    /// is sorted.
+    fn keep(&mut self, name: GeometryId, tree: Box<dyn Accelerator>, max_bytes: u64) {
+        drop(self.take(name));
+        let bytes = tree.held_bytes();
+        if self.bytes.saturating_add(bytes) > max_bytes {
+            return;
+        }
+        self.bytes += bytes;
+        let spare = Spare { name, tree: Some(tree), bytes };
+        match self.place_of(name) {
+            Some(place) => self.all[place] = spare,
+            None => self.all.push(spare),
         }
     }
 
-    /// Keeps a tree as the spare of a geometry, where there is room for it.
-    fn keep(&mut self, name: GeometryId, tree: Box<dyn Accelerator>) {
-        self.spares.retain(|(own, _)| *own != name);
-        if self.spare_bytes().saturating_add(bytes_of(&*tree)) <= self.max_spare_bytes {
-            self.spares.push((name, tree));
-        }
+    /// Drops those of other geometries.
+    fn retain(&mut self, keeps: impl Fn(GeometryId) -> bool) {
+        self.all.retain(|spare| spare.tree.is_some() && keeps(spare.name));
+        self.bytes = self.all.iter().map(|spare| spare.bytes).sum();
+        self.sorted = self.all.len();
+    }
+
+    /// Sorts in what was kept since.
+    fn sort(&mut self) {
+        self.all.retain(|spare| spare.tree.is_some());
+        self.all.sort_unstable_by_key(|spare| spare.name);
+        self.sorted = self.all.len();
     }
 }

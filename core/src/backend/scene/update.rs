@@ -3,7 +3,7 @@
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 
-use super::built::{BuildGeometry, BuiltGeometry, BuiltScene, host_only};
+use super::built::{BuildGeometry, BuiltGeometry, BuiltScene, host_only, repeated_bytes};
 use super::packed::PackedSizes;
 use crate::backend::BuildOptions;
 use crate::cancel::go_on;
@@ -75,6 +75,12 @@ struct Plan {
 }
 
 impl Plan {
+    /// Bytes of the new geometries. A tree that several share counts once.
+    fn new_bytes(&self) -> u64 {
+        let new = || self.geometries.iter().flat_map(|(_, new)| new);
+        new().map(BuiltGeometry::bytes).sum::<u64>() - repeated_bytes(new())
+    }
+
     /// Calls the watch, with all geometries built.
     fn go_on(&self, options: &BuildOptions<'_>) -> Result<(), SceneBuildError> {
         let done = u64::from(self.report.geometries_built);
@@ -140,8 +146,11 @@ impl BuiltScene {
 
         // Nothing fails from here on, but for a worn tree that is then kept.
         let Plan { geometries, placements, mut report } = plan;
-        for (name, geometry) in geometries {
-            self.geometries[name.0 as usize] = geometry;
+        if !geometries.is_empty() {
+            for (name, geometry) in geometries {
+                self.geometries[name.0 as usize] = geometry;
+            }
+            self.repeated = repeated_bytes(self.geometries.iter().flatten());
         }
         self.masked = false;
         for (name, _) in scene.geometries() {
@@ -197,7 +206,7 @@ impl BuiltScene {
             instances: self.placements.len(),
             ..PackedSizes::default()
         };
-        let held = self.bytes() + new.clone().map(|(_, own)| own.bytes()).sum::<u64>();
+        let held = self.bytes() + plan.new_bytes();
         let has_own_shapes = kept().chain(new.clone()).any(|(_, own)| own.has_own_shapes());
         Becoming {
             host_only: host_only(has_own_shapes),
@@ -246,7 +255,7 @@ impl BuiltScene {
                 let built = build(&mesh.mesh(), &own).map_err(wrong)?;
                 BuiltGeometry::new(Arc::clone(mesh), built)
             };
-            held += built.bytes();
+            held += built.uncounted_bytes();
             push(&mut geometries, (name, Some(built)))?;
             report.geometries_built += 1;
         }
@@ -395,14 +404,12 @@ impl BuiltScene {
             return Ok(None);
         }
         if let Some(limit) = options.max_memory {
-            let new: u64 =
-                plan.geometries.iter().flat_map(|(_, new)| new).map(|new| new.bytes()).sum();
             let names = scene.instance_names();
             let placements = (names * size_of::<Option<Placement>>()) as u64;
             // What is held until the new placements take their places, and the list that the tree is built from.
             let boxes = (scene.len() * size_of::<(u32, WorldBox)>()) as u64;
             let needed = self.bytes()
-                + new
+                + plan.new_bytes()
                 + placements
                 + plan.placement_bytes()
                 + boxes

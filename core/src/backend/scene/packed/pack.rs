@@ -243,6 +243,8 @@ impl PackedScene {
         }));
         self.references.extend(tree.references.iter().map(|own| triangle + own));
         if let Some(mask) = geometry.opacity() {
+            // Who traces looks for the cell of a triangle without asking whether there is one.
+            debug_assert_eq!(mask.triangles() as usize, geometry.mesh.mesh().len());
             self.references.extend([mask.level(), triangle]);
             self.references.extend(mask.words());
         }
