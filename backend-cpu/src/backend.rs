@@ -295,7 +295,9 @@ impl Backend for CpuBackend {
         match accelerator.downcast_mut::<CpuAccelerator>() {
             Some(own) => self.rebuild_accelerator(own, mesh, options),
             None => {
-                *accelerator = self.build(mesh, options)?;
+                let held = accelerator.held_bytes();
+                let built = self.build(mesh, &options.beside(held));
+                *accelerator = built.map_err(|error| error.beside(held, options.max_memory))?;
                 Ok(())
             }
         }

@@ -5,6 +5,7 @@ use core::ops::ControlFlow;
 use splitplane_core::backend::scene::SceneAccelerator;
 use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::error::QueryError;
+use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
 use splitplane_core::scene::{
     GeometryId, IDENTITY, IgnoredTriangle, Instance, InstanceId, Scene, SceneHit, SceneOptions,
@@ -58,7 +59,7 @@ fn rays(scene: &Scene, seed: u64) -> Vec<Ray> {
 /// Batches against the instance's answers to one ray after the other, on every instruction set.
 #[test]
 fn batches_find_what_the_instance_gives_ray_by_ray() {
-    let (mut found, mut lone, mut ignored) = (0, 0, 0);
+    let (mut found, mut lone, mut gaps, mut ignored) = (0, 0, 0, 0);
     for kind in Kind::ALL {
         for seed in 0..12 {
             let (mut scene, _) = objects::scene(kind, 1, 100 + seed);
@@ -66,6 +67,15 @@ fn batches_find_what_the_instance_gives_ray_by_ray() {
                 // Rays of an instance in place go to the mesh as they are.
                 scene.move_instance(InstanceId(0), IDENTITY).expect("a place");
             }
+            if seed % 2 == 1 {
+                // Free names before and behind.
+                let own = *scene.instance(InstanceId(0)).expect("an instance");
+                let [_, last] = [(); 2].map(|()| scene.add_instance(own).expect("an instance"));
+                for name in [InstanceId(0), last] {
+                    scene.remove_instance(name).expect("an instance");
+                }
+            }
+            let only = scene.instances().next().expect("an instance").0;
             let rays = rays(&scene, seed);
             let some = rays.iter().filter(|ray| TopRay::new(ray).is_some()).count() as u64;
             assert!(some + 5 <= rays.len() as u64);
@@ -75,10 +85,8 @@ fn batches_find_what_the_instance_gives_ray_by_ray() {
             });
             for accuracy in [Accuracy::Watertight, Accuracy::Exact] {
                 for culling in [Culling::None, Culling::Back, Culling::Front] {
-                    let own = IgnoredTriangle {
-                        instance: InstanceId(0),
-                        triangle: first.unwrap_or_default(),
-                    };
+                    let own =
+                        IgnoredTriangle { instance: only, triangle: first.unwrap_or_default() };
                     let ignore = (culling == Culling::None && seed % 2 == 0).then_some(own);
                     let asked = SceneOptions { accuracy, culling, ignore, ..Default::default() };
                     let expected: Vec<SceneHit> = rays
@@ -98,6 +106,7 @@ fn batches_find_what_the_instance_gives_ray_by_ray() {
                         }
                         assert!(report.entered == 0 || report.entered == some, "{report:?}");
                         lone += report.batches;
+                        gaps += u64::from(only != InstanceId(0)) * report.batches;
                     }
                     found += expected.iter().filter(|hit| hit.is_hit()).count();
                     ignored += usize::from(ignore.is_some());
@@ -105,7 +114,8 @@ fn batches_find_what_the_instance_gives_ray_by_ray() {
             }
         }
     }
-    assert!(found > 10_000 && lone > 100 && ignored > 20, "{found} {lone} {ignored}");
+    assert!(found > 10_000 && ignored > 20, "{found} {ignored}");
+    assert!(gaps > 100 && lone > gaps + 100, "{lone} {gaps}");
 }
 
 /// An instance in place has its mesh's hits, bit for bit; moved, it has others, so the comparison would show a transform that is left out.
@@ -154,7 +164,7 @@ impl Watch for Ends {
 /// A watch ends a batch; an instance that does not answer costs nothing; where a filter is asked, or there are two instances, the way is another.
 #[test]
 fn what_else_a_batch_may_be_asked() {
-    let (scene, _) = objects::scene(Kind::Ordinary, 1, 5);
+    let (mut scene, _) = objects::scene(Kind::Ordinary, 1, 5);
     let rays = rays(&scene, 6).repeat(20);
     let accelerator = built(InstructionSet::detect(), &scene);
     let mut hits = vec![SceneHit::MISS; rays.len()];
@@ -176,5 +186,12 @@ fn what_else_a_batch_may_be_asked() {
     let usual = SceneOptions::default();
     assert!(batches(&scene, &usual) > 0);
     assert_eq!(batches(&scene, &SceneOptions { accuracy: Accuracy::Fast, ..usual }), 0);
-    assert_eq!(batches(&objects::scene(Kind::Ordinary, 2, 5).0, &usual), 0);
+    let own = *scene.instance(InstanceId(0)).expect("an instance");
+    scene.add_instance(own).expect("an instance");
+    assert_eq!(batches(&scene, &usual), 0);
+    // One that nothing can hit is none.
+    scene.remove_instance(InstanceId(0)).expect("an instance");
+    let empty = scene.add_mesh(&Mesh::soup(&[]).expect("a mesh")).expect("a geometry");
+    scene.add_instance(Instance::in_place(empty)).expect("an instance");
+    assert!(batches(&scene, &usual) > 0);
 }

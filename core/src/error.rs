@@ -107,7 +107,8 @@ pub enum BuildError {
 }
 
 impl BuildError {
-    /// The error of a build that was left what so many bytes leave of a limit, as one of the whole: see [`BuildOptions::beside`](crate::backend::BuildOptions::beside).
+    /// Restates the error of a build that ran with a reduced limit, since so many bytes were held besides, by the
+    /// caller's own limit: see [`BuildOptions::beside`](crate::backend::BuildOptions::beside).
     #[must_use]
     pub fn beside(self, held: u64, whole: Option<u64>) -> BuildError {
         match (self, whole) {

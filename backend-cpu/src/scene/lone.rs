@@ -11,7 +11,8 @@ use splitplane_core::error::{QueryError, refused};
 use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Accuracy, Hit, Ray};
 use splitplane_core::scene::{
-    IDENTITY, InstanceId, Placement, SceneHit, SceneOptions, SceneReport, TopRay,
+    IDENTITY, InstanceId, Placement, SceneHit, SceneOptions, SceneReport, TOP_INSTANCE, TOP_NONE,
+    TopNode, TopRay,
 };
 use splitplane_core::watch::Stage;
 
@@ -27,6 +28,7 @@ pub(super) const LONE_SERVED: bool = !cfg!(target_family = "wasm");
 #[derive(Clone, Copy)]
 pub(super) struct Lone<'a> {
     built: &'a BuiltGeometry,
+    name: InstanceId,
     placement: &'a Placement,
     options: &'a SceneOptions<'a>,
 }
@@ -42,12 +44,13 @@ struct Seen {
 impl<'a> Lone<'a> {
     /// `None` where a scene is another, and where hits may depend on which instances a ray enters or not all of them count.
     pub(super) fn of(scene: &'a BuiltScene, options: &'a SceneOptions<'a>) -> Option<Lone<'a>> {
-        let [Some(placement)] = scene.all_placements() else { return None };
+        let name = only_one(scene.top_tree().nodes())?;
+        let placement = scene.placement(name)?;
         if options.accuracy == Accuracy::Fast || !all_count(scene, options) {
             return None;
         }
         let built = scene.geometry(placement.instance.geometry)?;
-        built.shapes().is_none().then_some(Lone { built, placement, options })
+        built.shapes().is_none().then_some(Lone { built, name, placement, options })
     }
 
     /// Answers rays, on all threads.
@@ -84,7 +87,7 @@ impl<'a> Lone<'a> {
         rays: &[Ray],
         answers: &mut [T],
     ) -> Result<SceneReport, QueryError> {
-        let (placement, name, mut report) = (self.placement, InstanceId(0), SceneReport::default());
+        let (placement, name, mut report) = (self.placement, self.name, SceneReport::default());
         let Some(asked) = Asked::of(name, placement, self.options) else {
             answers.fill(T::NONE);
             return Ok(report);
@@ -124,6 +127,14 @@ impl<'a> Lone<'a> {
         report.geometries.append(found, 0)?;
         Ok(report)
     }
+}
+
+/// The only instance that there is in a tree over instances. Names before and behind may be free, as they are where instances went or were baked.
+fn only_one(nodes: &[TopNode]) -> Option<InstanceId> {
+    let [root] = nodes else { return None };
+    let mut children = root.children.iter().filter(|child| **child != TOP_NONE);
+    let (child, None) = (children.next()?, children.next()) else { return None };
+    (child & TOP_INSTANCE != 0).then_some(InstanceId(child & !TOP_INSTANCE))
 }
 
 /// As many elements, some of them from before.

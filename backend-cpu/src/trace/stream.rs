@@ -146,6 +146,7 @@ unsafe fn fly<S: Simd, L: Leaves>(
     let test = TestContext { leaves, options, query, keep: KeepAll };
     let room = layout.wide.stack();
     let Flight { lanes, exact, stacks, ready, ray_states, packet } = flight;
+    packet.begin(layout, query);
     let exactly = EXACT_IN_TURN && options.accuracy == Accuracy::Exact;
     let bounds = [scene.bounds, layout.large.others];
     let errors = [[0.0; 2]; 2];

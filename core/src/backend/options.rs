@@ -27,7 +27,8 @@ impl<'a> BuildOptions<'a> {
         LoadOptions { max_memory, layout, watch }
     }
 
-    /// The same while so many bytes are held besides: of the limit what they leave. [`BuildError::beside`](crate::error::BuildError::beside) tells an error to who set it.
+    /// The same options with a limit reduced by so many bytes that are held besides.
+    /// [`BuildError::beside`](crate::error::BuildError::beside) restates an error by the limit as it was.
     #[must_use]
     pub const fn beside(&self, held: u64) -> BuildOptions<'a> {
         let BuildOptions { config, max_memory, layout, watch } = *self;

@@ -156,7 +156,7 @@ pub enum SceneBuildError {
 }
 
 impl SceneBuildError {
-    /// The error of work that was left what so many bytes leave of a limit, as one of the whole.
+    /// Restates the error of work that ran with a reduced limit, since so many bytes were held besides, by the caller's own limit.
     pub(crate) fn beside(self, held: u64, whole: Option<u64>) -> SceneBuildError {
         match (self, whole) {
             (SceneBuildError::Geometry { geometry, error }, _) => {

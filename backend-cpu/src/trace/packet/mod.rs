@@ -66,6 +66,8 @@ pub(crate) struct Packet {
     #[cfg(not(target_family = "wasm"))]
     exact: ExactPacket,
     worth: Worth,
+    /// Of which tree, by its address, and of which query.
+    of: Option<(usize, Query)>,
 }
 
 /// The prepared rays of a packet, and the current group.
@@ -155,6 +157,7 @@ impl Packet {
             #[cfg(not(target_family = "wasm"))]
             exact: ExactPacket::none(),
             worth: Worth::default(),
+            of: None,
         }
     }
 
@@ -197,7 +200,15 @@ impl Packet {
     /// Whether the next rays, which are not exact, should go in packets.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) fn is_worth_it<S: Simd>(&mut self) -> bool {
-        self.worth.is_there(S::N)
+        self.worth.packets_pay(S::N)
+    }
+
+    /// Rays through this tree with this query are next. Of others nothing is remembered.
+    pub(crate) fn begin(&mut self, layout: &TreeLayout, query: Query) {
+        let of = (core::ptr::from_ref(layout).addr(), query);
+        if self.of.replace(of) != Some(of) {
+            self.worth = Worth::default();
+        }
     }
 
     /// Traces the rays that were taken, in `G` groups. They must not be exact.

@@ -4,8 +4,8 @@
 //! of the rays that come to a block together meet it, each by itself is faster: among triangles in all directions, whose boxes overlap. How many do is
 //! known only from packets that were traced, so now and then some are, whatever became of those before.
 
-/// Of rays that come to a block as many as this must meet it: one of four, in vectors of 16, where a step costs a ray alone little; one of three in those of eight.
-/// Measured: docs/measurements/counts-2026-11-27.md.
+/// Of a packet's lanes at a block as many as this must have a ray that meets it: one of four, in vectors of 16, where a step costs a ray alone little; one of three in
+/// those of eight. A lane without a ray costs what others cost. Measured: docs/measurements/counts-2026-11-27.md.
 const fn fewest_of(lanes: usize) -> u64 {
     if lanes == 16 { 4 } else { 3 }
 }
@@ -15,7 +15,7 @@ const TOGETHER: u64 = 2;
 const TOGETHER_OF: u64 = 5;
 /// Packets that come to fewer blocks than this pay anyhow: steps at nodes are shared.
 const BLOCKS: u64 = 4;
-/// So many rays must have come to blocks before anything is known, and about as many times four are remembered.
+/// So many lanes must have come to blocks before anything is known, and about as many times four are remembered.
 const KNOWN: u64 = 1 << 11;
 const REMEMBERED: u64 = 4 * KNOWN;
 /// After this many times, what is known counts half.
@@ -24,7 +24,7 @@ const PASSED: u32 = 32;
 /// What became of the latest packets.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Worth {
-    /// Rays of packets, how many of them came to blocks, each counted once for each block, and how many met the block.
+    /// Lanes of packets, how many came to blocks, each counted once for each block, and how many met the block.
     taken: u64,
     came: u64,
     met: u64,
@@ -33,16 +33,16 @@ pub(super) struct Worth {
 }
 
 impl Worth {
-    /// A packet of so many rays begins.
+    /// A packet of so many lanes begins.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(super) fn begins(&mut self, rays: usize) {
-        self.taken += rays as u64;
+    pub(super) fn begins(&mut self, lanes: usize) {
+        self.taken += lanes as u64;
         if self.came > REMEMBERED {
             self.halve();
         }
     }
 
-    /// Of a packet's rays that came to a block, so many met it.
+    /// Of a packet's lanes that came to a block, so many met it.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) fn at_block(&mut self, came: usize, met: u32) {
         self.came += came as u64;
@@ -50,7 +50,7 @@ impl Worth {
     }
 
     /// Whether the next rays should go in packets.
-    pub(super) fn is_there(&mut self, lanes: usize) -> bool {
+    pub(super) fn packets_pay(&mut self, lanes: usize) -> bool {
         if self.came < KNOWN
             || self.came < BLOCKS * self.taken
             || self.met * fewest_of(lanes) >= self.came
@@ -84,7 +84,7 @@ mod tests {
     fn packets(worth: &mut Worth, count: usize, blocks: usize, met: u32) -> usize {
         let mut traced = 0;
         for _ in 0..count {
-            if worth.is_there(16) {
+            if worth.packets_pay(16) {
                 traced += 1;
                 worth.begins(16);
                 (0..blocks).for_each(|_| worth.at_block(16, met));

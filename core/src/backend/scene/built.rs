@@ -261,7 +261,7 @@ impl BuiltScene {
     /// Bytes that are held: geometries, placements, and the tree over them. A tree that several geometries share counts once.
     pub fn bytes(&self) -> u64 {
         let geometries: u64 = self.geometries().map(|(_, geometry)| geometry.bytes()).sum();
-        geometries - self.repeated + self.bytes_beside_geometries()
+        geometries.saturating_sub(self.repeated) + self.bytes_beside_geometries()
     }
 
     /// Bytes of placements and of the tree over them.

@@ -78,7 +78,7 @@ impl Plan {
     /// Bytes of the new geometries. A tree that several share counts once.
     fn new_bytes(&self) -> u64 {
         let new = || self.geometries.iter().flat_map(|(_, new)| new);
-        new().map(BuiltGeometry::bytes).sum::<u64>() - repeated_bytes(new())
+        new().map(BuiltGeometry::bytes).sum::<u64>().saturating_sub(repeated_bytes(new()))
     }
 
     /// Calls the watch, with all geometries built.

@@ -31,6 +31,7 @@ pub(super) fn read(file: &File, scene: &mut InstancedScene) -> Result<(), At> {
         return Ok(());
     }
     let whole = || vec![Step::Field("instances")];
+    check_size(scene, &groups).map_err(|(index, problem)| (field(index), problem))?;
     let described = scene.describe().map_err(|error| (whole(), error.into()))?;
     let chosen: Vec<&[InstanceId]> = groups.iter().map(|(_, names)| &names[..]).collect();
     let (world, table) = described.bake(&chosen).map_err(|error| {
@@ -43,14 +44,9 @@ pub(super) fn read(file: &File, scene: &mut InstancedScene) -> Result<(), At> {
     let merged: Vec<(InstanceId, GeometryId)> = baked.table.groups().collect();
     for ((_, names), (first, geometry)) in groups.iter().zip(merged) {
         let mesh = world.geometry(geometry).map_err(|error| (whole(), failed(error)))?.mesh();
-        let (positions, Some(indices)) = mesh.arrays() else { continue };
-        let most = MAX_TRIANGLES;
-        let triangles = scene.parts.indices.len() + indices.len();
-        let vertices = scene.parts.positions.len() + positions.len();
-        if triangles > most || vertices > u32::MAX as usize {
-            let what = "triangles or vertices in all geometries together";
-            return Err((field(first.0 as usize), SceneFileProblem::TooMany { what, most }));
-        }
+        // What is baked has indices.
+        let (positions, indices) = mesh.arrays();
+        let indices = indices.unwrap_or_default();
         let name = file.instances[first.0 as usize].bake.clone().unwrap_or_default();
         let number = add(scene, name, names, (positions, indices));
         let own = &mut scene.instances[first.0 as usize];
@@ -72,6 +68,33 @@ pub(super) fn read(file: &File, scene: &mut InstancedScene) -> Result<(), At> {
         baked.geometries.push(number);
     }
     scene.baked = baked;
+    Ok(())
+}
+
+/// Refuses what would be too large, before any memory is taken for it. Else the instance that makes it so.
+fn check_size(
+    scene: &InstancedScene,
+    groups: &[(&str, Vec<InstanceId>)],
+) -> Result<(), (usize, SceneFileProblem)> {
+    let (mut triangles, mut vertices) = (scene.parts.indices.len(), scene.parts.positions.len());
+    for InstanceId(instance) in groups.iter().flat_map(|(_, names)| names) {
+        let index = *instance as usize;
+        let own = &scene.geometries[scene.instances[index].geometry as usize];
+        triangles = triangles.saturating_add(own.triangles.len());
+        vertices = vertices.saturating_add(own.vertices.len());
+        for (count, what, most) in [
+            (triangles, "triangles in all geometries and baked instances together", MAX_TRIANGLES),
+            (
+                vertices,
+                "vertices in all geometries and baked instances together",
+                u32::MAX as usize,
+            ),
+        ] {
+            if count > most {
+                return Err((index, SceneFileProblem::TooMany { what, most }));
+            }
+        }
+    }
     Ok(())
 }
 

@@ -4,7 +4,7 @@ use crate::from_file::quoted_path;
 use crate::obj::ObjError;
 use crate::{CameraError, instanced::InstancedError};
 use splitplane_core::mesh::MeshError;
-use splitplane_core::scene::BakeError;
+use splitplane_core::scene::{BakeError, SceneError};
 use std::fmt;
 use std::path::PathBuf;
 use thiserror::Error;
@@ -128,7 +128,11 @@ impl SceneFileProblem {
             self,
             SceneFileProblem::Limit(_)
                 | SceneFileProblem::TooMany { .. }
-                | SceneFileProblem::Bake(BakeError::TooMany { .. })
+                | SceneFileProblem::Bake(
+                    BakeError::TooMany { .. }
+                        | BakeError::OutOfMemory { .. }
+                        | BakeError::Scene(SceneError::OutOfMemory { .. })
+                )
         )
     }
 }

@@ -468,6 +468,29 @@ fn instances_of_a_name_become_one_geometry() {
     assert!(eye.iter().all(|x| x.is_finite()));
 }
 
+/// Few instances name more triangles than a mesh may have: that is found before any memory is taken for them.
+#[test]
+fn what_would_bake_to_too_much_is_refused_at_once() {
+    // 100,000 triangles of three corners, 2,700 times: 270 million of 2^28.
+    let triangles = "[0,1,2],".repeat(99_999) + "[0,1,2]";
+    let instance = "\n{\"geometry\": \"one\", \"bake\": \"all\"},";
+    let file = |instances: usize| {
+        let instances = instance.repeat(instances);
+        format!(
+            "{{\"format\": \"splitplane-scene\", \"version\": 1, \"geometries\": [{{\"name\": \"one\", \"positions\": [[0,0,0],[1,0,0],[0,1,0]], \"triangles\": [{triangles}]}}],\n\"instances\": [{}]}}",
+            &instances[..instances.len() - 1]
+        )
+    };
+    let folder = folder();
+    let error = read_in(&folder, &file(2_700)).unwrap_err();
+    assert!(error.problem.is_limit(), "{error}");
+    // The first instance with which there are more, on the line after those before: the file has its own 100,000 too.
+    let text = error.to_string();
+    assert!(text.contains("line 2686, column 29, instances[2683].bake: "), "{text}");
+    assert!(text.contains("triangles in all geometries and baked instances together"), "{text}");
+    assert_eq!(read_in(&folder, &file(2)).unwrap().triangles(), 200_000);
+}
+
 /// What cannot be baked is refused, with its place.
 #[test]
 fn what_cannot_be_baked_is_named_with_its_place() {
