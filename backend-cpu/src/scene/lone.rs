@@ -1,5 +1,5 @@
 //! A scene of one instance: its rays go into its space, and the mesh's own batch answers them, in packets and in turn as it does for a mesh by itself.
-//! Those of an instance in place are there already.
+//! An instance in place is in the world's space: its rays stay as they are.
 //!
 //! That is what all instances give, one after the other, where there is one. No tree over instances is asked, and a ray that misses the box costs what it costs the mesh.
 

@@ -40,7 +40,7 @@ impl Baked {
         hits.iter().map(of).collect()
     }
 
-    /// Takes what is there no more out of a description.
+    /// Removes from a description what baking replaced.
     pub(super) fn remove_from(&self, scene: &mut Scene) -> Result<(), SceneError> {
         for &instance in &self.instances {
             scene.remove_instance(InstanceId(instance))?;

@@ -11,6 +11,9 @@ use splitplane_core::mesh::MAX_TRIANGLES;
 use splitplane_core::scene::{BakeError, GeometryId, InstanceId, Transform};
 use std::collections::HashMap;
 
+/// More vertices than so many triangles can name are of no use, and instances may repeat them many times.
+const MOST_VERTICES: usize = 3 * MAX_TRIANGLES;
+
 /// Bakes what the file says. Geometries and instances keep their places.
 pub(super) fn read(file: &File, scene: &mut InstancedScene) -> Result<(), At> {
     // In the order of their least instances.
@@ -71,7 +74,7 @@ pub(super) fn read(file: &File, scene: &mut InstancedScene) -> Result<(), At> {
     Ok(())
 }
 
-/// Refuses what would be too large, before any memory is taken for it. Else the instance that makes it so.
+/// Refuses what would be too large, before any memory is taken for it. The error has the instance with which it becomes so.
 fn check_size(
     scene: &InstancedScene,
     groups: &[(&str, Vec<InstanceId>)],
@@ -84,11 +87,7 @@ fn check_size(
         vertices = vertices.saturating_add(own.vertices.len());
         for (count, what, most) in [
             (triangles, "triangles in all geometries and baked instances together", MAX_TRIANGLES),
-            (
-                vertices,
-                "vertices in all geometries and baked instances together",
-                u32::MAX as usize,
-            ),
+            (vertices, "vertices in all geometries and baked instances together", MOST_VERTICES),
         ] {
             if count > most {
                 return Err((index, SceneFileProblem::TooMany { what, most }));
