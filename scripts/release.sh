@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# What is too slow for every change, to be run before a release: the oldest Rust that is promised, and each
-# package built from what would be published.
+# What is too slow for every change, to be run before a release: the oldest Rust that is promised, each package built from what would be
+# published, and the long forms of tests, which take half an hour of processor time or more.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -15,3 +15,10 @@ step "each package, built from what would be published"
 published=$(scripts/published.py)
 # shellcheck disable=SC2086 # one word each
 cargo package --locked $published
+
+step "long tests: ten million rays of random scenes, a million sequences of edits, and others that are named in the sources by SPLITPLANE_LONG"
+export SPLITPLANE_LONG=1
+cargo test --locked -p splitplane-cpu --test baked_in_f64 --test baked --test instances --test scene_closest_points
+cargo test --locked -p splitplane-fuzz-targets --test corpus
+cargo test --locked -p splitplane-wgpu --test resident --test lists --test halves
+cargo test --locked --features scene --test hits --test extremes --test best

@@ -209,6 +209,76 @@ fn tables_of_random_scenes() {
     }
 }
 
+/// A baked group stands in several places, in two levels: hits know the part, in which house of which row.
+#[test]
+fn baked_groups_may_have_instances_and_be_baked_again() {
+    let mut parts = Scene::new();
+    let mesh = scenes::grid_boxes(1);
+    let brick = parts.add_mesh(&mesh.mesh()).unwrap();
+    let wall: Vec<_> = [0.0, 2.0, 4.0]
+        .map(|x| parts.add_instance(Instance::new(brick, translation([x, 0.0, 0.0]))).unwrap())
+        .to_vec();
+    let alone = parts.add_instance(Instance::new(brick, translation([0.0, 64.0, 0.0]))).unwrap();
+    let (mut houses, of_house) = parts.bake(&[&wall, &[alone]]).unwrap();
+    let (first, house) = of_house.groups().next().unwrap();
+    assert_eq!(first, wall[0]);
+    let mut row = vec![first];
+    for z in [8.0, 16.0] {
+        row.push(houses.add_instance(Instance::new(house, translation([0.0, 0.0, z]))).unwrap());
+    }
+    let (mut street, of_row) = houses.bake(&[&row]).unwrap();
+    let (_, whole) = of_row.groups().next().unwrap();
+    let other = street.add_instance(Instance::new(whole, translation([0.0, 128.0, 0.0]))).unwrap();
+    let triangles = mesh.mesh().len() as u32;
+    // Hits say which row, by the instance, and have what names the rest.
+    let built = built(&street);
+    for (name, y) in [(row[0], 0.0), (other, 128.0)] {
+        let middle =
+            [0, 1, 2].map(|k| mesh.mesh().triangle(0).map(|p| p[k]).iter().sum::<f32>() / 3.0);
+        let to = [middle[0], middle[1] + y, middle[2]];
+        let ray = Ray::segment(to.map(|x| x - 16.0), to).with_limits(0.0, f32::INFINITY);
+        let hit = built.closest_hit(&ray, &SceneOptions::default()).expect("a hit");
+        assert_eq!((hit.instance, hit.geometry), (name.0, whole.0));
+        assert!(of_row.original_part(whole, hit.triangle).is_some());
+    }
+    // Every triangle of the street, by the order in which things were baked.
+    let all = 9 * triangles;
+    for triangle in 0..all {
+        let (in_row, own_house, rest) = of_row.original_part(whole, triangle).unwrap();
+        assert_eq!((in_row, own_house), (row[(triangle / (3 * triangles)) as usize], house));
+        let (in_wall, own, rest) = of_house.original_part(house, rest).unwrap();
+        let place = (triangle / triangles % 3) as usize;
+        assert_eq!((in_wall, own, rest), (wall[place], brick, triangle % triangles));
+    }
+    assert_eq!(of_row.original_part(whole, all), None);
+    assert_eq!(of_row.original_part(GeometryId(brick.0 + 100), 0), None);
+    let (_, second) = of_house.groups().nth(1).unwrap();
+    assert_eq!(of_house.original_part(second, 1), Some((alone, brick, 1)));
+}
+
+/// All instances but one: to find that their geometry is still needed must not take a step for each of them.
+#[test]
+fn baking_nearly_all_of_very_many_ends() {
+    let mut scene = Scene::new();
+    let mesh = Mesh::soup(&[[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]]).unwrap();
+    let geometry = scene.add_mesh(&mesh).unwrap();
+    let all: Vec<_> = (0..500_000u32)
+        .map(|i| {
+            let at = translation([i as f32, 0.0, 0.0]);
+            scene.add_instance(Instance::new(geometry, at)).unwrap()
+        })
+        .collect();
+    let (moving, standing) = all.split_last().unwrap();
+    let (baked, table) = scene.bake(&[standing]).unwrap();
+    assert_eq!((baked.len(), baked.instance(*moving).unwrap().geometry), (2, geometry));
+    assert_eq!(table.original(all[0], 499_998), Some((all[499_998], geometry, 0)));
+    // And groups of one each, the last first.
+    let groups: Vec<&[InstanceId]> = standing[..200_000].chunks(1).rev().collect();
+    let (baked, table) = scene.bake(&groups).unwrap();
+    assert_eq!(baked.len(), all.len());
+    assert!(table.groups().map(|(name, _)| name).eq(standing[..200_000].iter().copied()));
+}
+
 #[test]
 fn what_cannot_be_baked_is_named() {
     let (mut scene, names) = exact_scene();
@@ -271,7 +341,7 @@ fn a_limit_is_kept_before_anything_is_baked() {
         size_of_val(positions) + size_of_val(indices.expect("indices"))
     });
     // 12 bytes an instance, 32 a group.
-    assert_eq!(needed, (arrays.sum::<usize>() + 5 * 12 + 2 * 32) as u64);
+    assert_eq!(needed, (arrays.sum::<usize>() + 5 * 12 + 2 * 40) as u64);
     let refused = scene.bake_within(&groups, needed - 1).map(|_| ()).unwrap_err();
     assert_eq!(refused, BakeError::OutOfMemory { needed, limit: needed - 1 });
     // A hundred thousand instances of ten thousand triangles: 48 GB, or more triangles than a mesh has.

@@ -423,6 +423,8 @@ typedef struct splitplane_report {
     uint64_t unfinished;
     // Rays or points that the CPU answered alone for a device.
     uint64_t answered_by_cpu;
+    // Rays through scenes that the CPU took from instance to instance, for a device that does not hold the scene: it answers in each.
+    uint64_t placed_by_cpu;
 } splitplane_report;
 
 // Answers of different length: a list of records for each ray or point that was asked for.

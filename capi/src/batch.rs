@@ -17,6 +17,8 @@ pub struct Report {
     pub unfinished: u64,
     /// Rays or points that the CPU answered alone for a device.
     pub answered_by_cpu: u64,
+    /// Rays through scenes that the CPU took from instance to instance, for a device that does not hold the scene: it answers in each.
+    pub placed_by_cpu: u64,
 }
 
 impl Report {

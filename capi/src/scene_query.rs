@@ -1,6 +1,7 @@
 //! Queries of scenes.
 
 use library::objects::{SceneClosestPoint as Closest, SceneHit as HitOfScene};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::batch::{self, Report};
 use crate::buffer::{Wanted, check, check_offer, offer, points, write};
@@ -45,11 +46,15 @@ pub unsafe extern "C" fn splitplane_scene_closest_hits(
         rays.places().try_for_each(|given| wanted.apart_from(given))?;
         let state = current(&object)?;
         let built = &state.built;
+        let placed = AtomicU64::new(0);
         let found = pool::run(query.threads, || {
             batch::rays(&rays, &mut wanted, HitOfScene::MISS, query.caller, |rays, hits, watch| {
-                Ok(built.closest_hits(rays, hits, &query.scene_hits(watch))?.geometries)
+                let found = built.closest_hits(rays, hits, &query.scene_hits(watch))?;
+                placed.fetch_add(found.placed_by_cpu, Ordering::Relaxed);
+                Ok(found.geometries)
             })
         })?;
+        let found = Report { placed_by_cpu: placed.into_inner(), ..found };
         // SAFETY: as the caller says.
         unsafe { offer(report, found, "report") }
     })
@@ -80,11 +85,15 @@ pub unsafe extern "C" fn splitplane_scene_any_hits(
         let mut wanted = unsafe { flags(occluded, occluded_stride, &rays)? };
         let state = current(&object)?;
         let built = &state.built;
+        let placed = AtomicU64::new(0);
         let found = pool::run(query.threads, || {
             batch::rays(&rays, &mut wanted, false, query.caller, |rays, occluded, watch| {
-                Ok(built.any_hits(rays, occluded, &query.scene_hits(watch))?.geometries)
+                let found = built.any_hits(rays, occluded, &query.scene_hits(watch))?;
+                placed.fetch_add(found.placed_by_cpu, Ordering::Relaxed);
+                Ok(found.geometries)
             })
         })?;
+        let found = Report { placed_by_cpu: placed.into_inner(), ..found };
         // SAFETY: as the caller says.
         unsafe { offer(report, found, "report") }
     })

@@ -191,6 +191,7 @@ impl Look {
             textures: !self.no_textures,
             decode_limit: self.max_texture,
             file_limit: common.max_file,
+            memory_limit: common.max_memory,
             ..SceneOptions::default()
         }
     }

@@ -36,8 +36,8 @@ pub(super) struct Common {
     /// Threads that share the work; all cores when left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(super) threads: Option<u16>,
-    /// Most bytes a build or an answer of all hits may hold besides the mesh; k, M and G stand for powers
-    /// of 1024
+    /// Most bytes a build or an answer of all hits may hold besides the mesh, and those that instances may become which
+    /// a scene file bakes; k, M and G stand for powers of 1024
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     pub(super) max_memory: Option<u64>,
     /// Most bytes of a file that is read whole: a scene, a frame of it, rays. Half of the machine's memory
@@ -254,7 +254,12 @@ impl Common {
 
     /// How a scene is read that is not drawn: nobody sees its textures.
     pub(super) fn bare_scene(&self) -> SceneOptions {
-        SceneOptions { textures: false, file_limit: self.max_file, ..SceneOptions::default() }
+        SceneOptions {
+            textures: false,
+            file_limit: self.max_file,
+            memory_limit: self.max_memory,
+            ..SceneOptions::default()
+        }
     }
 
     pub(super) fn query_options(&self) -> QueryOptions<'static> {

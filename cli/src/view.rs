@@ -95,6 +95,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         materials: arguments.materials.rule(),
         decode_limit: arguments.max_texture,
         file_limit: common.max_file,
+        memory_limit: common.max_memory,
         ..SceneOptions::default()
     };
     let many = InstancedScene::is_named_by(&arguments.scene);

@@ -24,6 +24,9 @@ const SCENE: &str = r#"{
 
 const PART: &str = "g top\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 3 4\ng rest\nf 1 2 4\n";
 
+/// The same with normals, none of them across its triangle.
+const SMOOTH_PART: &str = "g top\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvn 0 0 1\nvn 3 0 4\nvn 0 3 4\nvn 1 1 0\nf 1//1 2//2 3//3\nf 1//4 3//3 4//2\ng rest\nf 1 2 4\n";
+
 fn folder() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("scene.json"), SCENE).unwrap();
@@ -471,6 +474,22 @@ fn baked_instances_keep_their_names() {
     );
     let report: Value = serde_json::from_str(&out).unwrap();
     assert!(report["different"] == 0 && report["unexplained"] == 0, "{report}");
+    // Of smooth normals too, under the reflection.
+    fs::write(path("part.obj"), SMOOTH_PART).unwrap();
+    let [smooth, plain] = ["baked", "plain"].map(|scene| {
+        let (file, picture) = (format!("{scene}.json"), format!("smooth-{scene}.png"));
+        let output = ["-o", &picture, "--quiet"];
+        ends(&folder, 0, &[&["render", &file], &SMALL[..], &cpu, &output].concat());
+        pixels(&picture)
+    });
+    assert!(smooth.pixels().zip(baked.pixels()).any(|(a, b)| far(a, b)), "no normal is seen");
+    assert!(!smooth.pixels().zip(plain.pixels()).any(|(a, b)| far(a, b)));
+    // A limit of memory, which a mesh that is baked counts towards.
+    let limited = ["build", "baked.json", "-o", "x.scene", "--max-memory", "400"];
+    let (_, error) = ends(&folder, 4, &[&limited[..], &cpu].concat());
+    for words in ["line 14, column", "instances[4].bake", "more than the limit of 400"] {
+        assert!(error.contains(words), "{words}: {error}");
+    }
     let broken = BAKED.replace(
         "\"id\": 5, \"bake\": \"parts\", \"material\"",
         "\"bake\": \"parts\", \"material\"",

@@ -92,16 +92,16 @@ pub(crate) fn culling(name: &str) -> Result<Culling, Failure> {
     }
 }
 
-/// Undecided, unfinished, answered by the CPU.
-pub(crate) type Counts = (u64, u64, u64);
+/// Undecided, unfinished, answered by the CPU, placed by the CPU.
+pub(crate) type Counts = (u64, u64, u64, u64);
 
 /// A report as the Python part takes it.
 pub(crate) fn counts(report: &QueryReport) -> Counts {
-    (report.undecided, report.unfinished, report.answered_by_cpu)
+    (report.undecided, report.unfinished, report.answered_by_cpu, 0)
 }
 
 /// Adds what another part of a batch counted.
 pub(crate) fn add(sum: &mut Counts, report: &QueryReport) {
-    let (a, b, c) = counts(report);
-    *sum = (sum.0 + a, sum.1 + b, sum.2 + c);
+    let (a, b, c, _) = counts(report);
+    *sum = (sum.0 + a, sum.1 + b, sum.2 + c, sum.3);
 }

@@ -136,6 +136,7 @@ fn transform(array: &PyReadonlyArray2<'_, f32>) -> Result<[[f32; 4]; 3], Failure
 
 fn add_scene(sum: &mut Counts, report: &SceneReport) {
     add(sum, &report.geometries);
+    sum.3 += report.placed_by_cpu;
 }
 
 /// A scene whose geometries are built as rays reach them.

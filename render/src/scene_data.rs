@@ -171,6 +171,40 @@ impl SceneData {
         self.describe(mesh, appearance, Some(instances))
     }
 
+    /// Finds again which triangles of instances shine, for an appearance that is otherwise what it was. Their list is written over where it is as long as it
+    /// was; else, and where there are other triangles or materials, all is described anew.
+    ///
+    /// # Errors
+    /// As for [`SceneData::new`]; the previous description is kept.
+    pub fn update_emitters(
+        &mut self,
+        mesh: &Mesh<'_>,
+        appearance: &Appearance<'_>,
+        instances: &InstanceTable,
+    ) -> Result<(), AppearanceError> {
+        let clay = [Material::clay()];
+        let materials = materials_of(appearance, &clay);
+        let is_other =
+            mesh.len() as u32 != self.triangles || materials.len() as u32 != self.materials;
+        if is_other {
+            return self.describe(mesh, appearance, Some(instances));
+        }
+        let shining = shining(mesh, materials, appearance.material_of, Some(instances))?;
+        let all = core::mem::take(&mut self.words);
+        self.emitters(&shining);
+        let own = core::mem::replace(&mut self.words, all);
+        let Sections { emitters, textures, .. } = self.sections;
+        let there = &mut self.words[emitters as usize..textures as usize];
+        if own.len() != there.len() {
+            return self.describe(mesh, appearance, Some(instances));
+        }
+        if own != *there {
+            there.copy_from_slice(&own);
+            self.revision = next_revision();
+        }
+        Ok(())
+    }
+
     fn describe(
         &mut self,
         mesh: &Mesh<'_>,
@@ -180,8 +214,7 @@ impl SceneData {
         SceneData::check(mesh, appearance)?;
         let Corners { textures, smooth } = Corners::of(appearance);
         let clay = [Material::clay()];
-        let materials: &[Material] =
-            if appearance.materials.is_empty() { &clay } else { appearance.materials };
+        let materials = materials_of(appearance, &clay);
         let shining = shining(mesh, materials, appearance.material_of, instances)?;
         self.words.clear();
         self.revision = next_revision();
@@ -379,6 +412,11 @@ impl SceneData {
             }
         }
     }
+}
+
+/// The materials; one of clay where there are none.
+fn materials_of<'a>(appearance: &Appearance<'a>, clay: &'a [Material; 1]) -> &'a [Material] {
+    if appearance.materials.is_empty() { clay } else { appearance.materials }
 }
 
 /// The triangles, spheres and capsules that shine, each with its instance, and their powers.

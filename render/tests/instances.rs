@@ -51,6 +51,17 @@ impl Parts {
     }
 
     fn shoot(&self, camera: Pinhole, size: Size, settings: &RenderSettings) -> Vec<[f32; 4]> {
+        self.shoot_after(&self.instances, camera, size, settings)
+    }
+
+    /// The picture of a scene that had these instances, and was then updated to its own.
+    fn shoot_after(
+        &self,
+        before: &[(usize, Transform, u32)],
+        camera: Pinhole,
+        size: Size,
+        settings: &RenderSettings,
+    ) -> Vec<[f32; 4]> {
         let mut scene = Scene::new();
         let names: Vec<_> = (0..self.first_triangles.len())
             .map(|geometry| {
@@ -58,21 +69,35 @@ impl Parts {
                 scene.add_mesh(&mesh).unwrap()
             })
             .collect();
-        for (geometry, transform, _) in &self.instances {
-            scene.add_instance(Instance::new(names[*geometry], *transform)).unwrap();
-        }
-        let materials: Vec<u32> = self.instances.iter().map(|(_, _, m)| *m).collect();
+        let place = |(geometry, transform, _): &(usize, Transform, u32)| {
+            Instance::new(names[*geometry], *transform)
+        };
+        let named: Vec<_> =
+            before.iter().map(|own| scene.add_instance(place(own)).unwrap()).collect();
         let mesh = Mesh::soup(&self.world.triangles).unwrap();
-        let look = InstancedLook {
+        let of = |all: &[(usize, Transform, u32)]| all.iter().map(|(_, _, m)| *m).collect();
+        let [materials_before, materials]: [Vec<u32>; 2] = [of(before), of(&self.instances)];
+        let look = |materials| InstancedLook {
             mesh,
             appearance: self.world.appearance(),
-            geometries: Geometries {
-                first_triangles: &self.first_triangles,
-                materials: &materials,
-            },
+            geometries: Geometries { first_triangles: &self.first_triangles, materials },
         };
         let options = BuildOptions::default();
-        let mut tracer = InstanceTracer::load(CpuBackend::new(), &scene, &look, &options).unwrap();
+        let backend = CpuBackend::new();
+        let mut tracer =
+            InstanceTracer::load(backend, &scene, &look(&materials_before), &options).unwrap();
+        if before != self.instances {
+            for (index, own) in self.instances.iter().enumerate() {
+                match named.get(index) {
+                    Some(name) => scene.set_instance(*name, place(own)).unwrap(),
+                    None => assert_eq!(scene.add_instance(place(own)).unwrap().0, index as u32),
+                }
+            }
+            for name in named.iter().skip(self.instances.len()) {
+                scene.remove_instance(*name).unwrap();
+            }
+            tracer.update(&scene, &look(&materials), &options).unwrap();
+        }
         let request =
             FrameRequest { settings: *settings, outputs: ALL, ..FrameRequest::new(camera, size) };
         tracer.frame(&mesh, &request).unwrap();
@@ -210,6 +235,41 @@ fn instances_in_place_are_the_picture_of_a_mesh_bit_for_bit() {
         parts.instances.truncate(3);
         assert!(differing(&parts.shoot(camera, size, &settings), &picture) > 0.05);
     }
+}
+
+/// A scene that is updated looks like one that is loaded: lamps come, go, move, and take the place of what is none.
+#[test]
+fn lamps_that_come_and_go_with_an_update_are_those_of_a_scene_loaded_anew() {
+    let ((camera, size), settings) = (view(), settings());
+    let mut parts = parts();
+    let moved = translation([0.5, -0.75, 0.25]);
+    let others: Vec<_> = (0..3).map(|geometry| (geometry, IDENTITY, NONE)).collect();
+    let with = |more: &[(usize, Transform, u32)]| [&others[..], more].concat();
+    let none = with(&[]);
+    let lamp = with(&[(3, IDENTITY, NONE)]);
+    let elsewhere = with(&[(3, moved, NONE)]);
+    let two = with(&[(3, IDENTITY, NONE), (1, moved, 3)]);
+    let painted = with(&[(3, IDENTITY, 0)]);
+    let mut pictures = Vec::new();
+    for (before, now) in [
+        (&none, &lamp),
+        (&lamp, &elsewhere),
+        (&elsewhere, &two),
+        (&two, &painted),
+        (&painted, &lamp),
+        (&lamp, &none),
+    ] {
+        parts.instances.clone_from(now);
+        let loaded = parts.shoot(camera, size, &settings);
+        let updated = parts.shoot_after(before, camera, size, &settings);
+        let bits = |picture: &[[f32; 4]]| {
+            picture.as_flattened().iter().map(|x| x.to_bits()).collect::<Vec<u32>>()
+        };
+        assert!(bits(&loaded) == bits(&updated), "{before:?} to {now:?}");
+        pictures.push(loaded);
+    }
+    // The lamp is seen by what it lights.
+    assert!(pictures.windows(2).all(|two| differing(&two[0], &two[1]) > 0.05));
 }
 
 /// Turned, stretched, sheared and reflected, with smooth normals, glass, mirrors and a lamp that is moved.

@@ -169,7 +169,11 @@ impl InstancedScene {
     /// No memory for the mask.
     pub fn cut_out(parts: Scene) -> Result<InstancedScene, InstancedError> {
         let all = 0..parts.indices.len() as u32;
-        let mask = cutout::mask(&parts, &cutout::channels(&parts), &[all])?;
+        let runs = [all];
+        let mask = match cutout::level(&parts, &runs) {
+            Some(level) => Some(cutout::mask(&parts, &cutout::channels(&parts), &runs, level)?),
+            None => None,
+        };
         let mut scene = InstancedScene::from(parts);
         for own in &mut scene.geometries {
             own.opacity.clone_from(&mask);

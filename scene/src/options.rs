@@ -12,6 +12,10 @@ pub struct SceneOptions {
     pub cutouts: bool,
     /// Whether instances that a scene file bakes become one mesh, which is for rays; else they stay instances.
     pub bake: bool,
+    /// Most bytes that a scene file of many objects may ask for beside what is in its files: parts of .obj files that are named again, opacity masks, and what it bakes.
+    /// A small file can ask for very much; more is an error that names the place with which it is too much. `None` is half of the machine's memory, and
+    /// 16 GiB where that is not known.
+    pub memory_limit: Option<u64>,
     /// Most bytes that the texels of all textures together may take, four a texel. Textures are
     /// halved, the largest first, until they fit.
     pub texture_limit: u64,
@@ -44,6 +48,7 @@ impl Default for SceneOptions {
             textures: true,
             cutouts: false,
             bake: true,
+            memory_limit: None,
             texture_limit: SceneOptions::TEXTURE_LIMIT,
             decode_limit: SceneOptions::DECODE_LIMIT,
             file_limit: None,

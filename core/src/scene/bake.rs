@@ -156,13 +156,12 @@ impl Scene {
         }
         for name in chosen {
             let geometry = self.instance(name)?.geometry;
-            match scene.remove_geometry(geometry) {
-                // It has other instances, or is gone already.
-                Ok(())
-                | Err(SceneError::GeometryInUse { .. } | SceneError::UnknownGeometry { .. }) => {}
-                Err(error) => return Err(error.into()),
+            // Else it has other instances, or is gone already. To let it be refused would take as many steps as there are instances, for each of these.
+            if scene.geometry_mut(geometry).is_ok_and(|own| own.instances == 0) {
+                scene.remove_geometry(geometry)?;
             }
         }
+        table.sort();
         Ok((scene, table))
     }
 

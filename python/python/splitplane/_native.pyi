@@ -11,7 +11,7 @@ from ._options import Backend, BuildArguments
 GPU: bool
 VERSION: str
 
-_Counts = tuple[int, int, int]
+_Counts = tuple[int, int, int, int]
 _Limits = tuple[Any, Any]
 _Options = tuple[str, str, int | None]
 _SceneOptions = tuple[str, str, int, "tuple[int, int] | U32 | None"]

@@ -20,6 +20,8 @@ class Report(NamedTuple):
     unfinished: int = 0
     #: Rays or points that the CPU answered for a device.
     answered_by_cpu: int = 0
+    #: Rays through scenes that the CPU took from instance to instance, for a device that does not hold the scene: it answers in each. 0 on the CPU.
+    placed_by_cpu: int = 0
     #: How many of the numbers that were given are not float32 and were rounded to it.
     rounded: int = 0
 

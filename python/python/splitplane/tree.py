@@ -300,7 +300,7 @@ class Tree(Handle[_native.Tree]):
         rows, limits, leading, rounded = rays_of(rays, t_min, t_max, self._origin)
         records, columns = hits_in(out, Hits, leading, rows)
         counts = native.closest_hits(rows, limits, options, records, call)
-        report = PLAIN if rounded == 0 and counts == (0, 0, 0) else Report(*counts, rounded)
+        report = PLAIN if rounded == 0 and not any(counts) else Report(*counts, rounded)
         return hits_of(Hits, records, columns, leading, report)
 
     def any_hits(

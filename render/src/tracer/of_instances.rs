@@ -74,7 +74,8 @@ impl InstanceTracer {
     }
 
     /// Brings what answers rays up to date with the description. Only what changed is made anew: see
-    /// [`Backend::update_scene`](splitplane_core::backend::Backend::update_scene).
+    /// [`Backend::update_scene`](splitplane_core::backend::Backend::update_scene). Of the look it takes where the triangles of geometries are, the materials of instances,
+    /// and which triangles shine; [`InstanceTracer::update_appearance`] takes all of it.
     ///
     /// # Errors
     /// As for [`InstanceTracer::load`]. A scene that cannot be built leaves the old one; after another error, repeat the call
@@ -87,10 +88,8 @@ impl InstanceTracer {
     ) -> Result<UpdateReport, TracerError> {
         let report = self.backend.as_backend().update_scene(&mut *self.built, scene, options)?;
         self.table.update(self.built.scene(), &look.geometries, look.mesh.len() as u32)?;
-        // Which triangles shine, and how much, depends on where they are.
-        if self.appearance.needs().emitters > 0 {
-            self.update_appearance(look)?;
-        }
+        // Which triangles shine, and how much, depends on where they are and on which are there.
+        self.appearance.update_emitters(&look.mesh, &look.appearance, &self.table)?;
         Ok(report)
     }
 

@@ -11,9 +11,9 @@ use splitplane_core::scene::{BakedTable, GeometryId, InstanceId, Scene, SceneErr
 pub struct Baked {
     /// What triangles of the groups were in the file: hits become hits of the file by [`BakedTable::original_hit`].
     pub table: BakedTable,
-    /// The other instances of the groups, by their places among all, ascending. They are of a geometry without triangles here, and descriptions lack them.
+    /// The other instances of the groups, by their places among all, ascending; of a .scene file, names that are free there. They are of a geometry without triangles here, and descriptions lack them.
     pub instances: Vec<u32>,
-    /// Geometries of which no instance is left, by their places among all, ascending. Descriptions lack them.
+    /// Geometries of which no instance is left, and those whose names are free in a .scene file, by their places among all, ascending. Descriptions lack them.
     pub geometries: Vec<u32>,
 }
 

@@ -12,23 +12,11 @@ const MOST_BITS: u64 = 1 << 30;
 const OPAQUE: u8 = 128;
 const _: () = assert!(FINEST <= MAX_OPACITY_LEVEL);
 
-/// The mask of a geometry that consists of these triangles of a scene; `None` where no material of theirs has holes. A micro-cell is open where
-/// the nearest texel to its middle has an alpha below one half.
-///
-/// `channels` are those of [`channels`]. Its level is the least whose cells are no wider than a texel along the edges of any triangle with holes, at most 7, and less where the
-/// mask would take more than 128 MiB.
-///
-/// # Errors
-/// No memory for it.
-pub(super) fn mask(
-    scene: &Scene,
-    channels: &[usize],
-    runs: &[Range<u32>],
-) -> Result<Option<OpacityMask>, SceneError> {
-    let triangles: Vec<usize> =
-        runs.iter().cloned().flatten().map(|triangle| triangle as usize).collect();
+/// The level of the mask of a geometry that consists of these triangles of a scene; `None` where no material of theirs has holes. It is the least whose cells are no wider
+/// than a texel along the edges of any triangle with holes, at most 7, and less where the mask would take more than 128 MiB.
+pub(super) fn level(scene: &Scene, runs: &[Range<u32>]) -> Option<u32> {
     let mut widest = 0.0f32;
-    for &triangle in &triangles {
+    for triangle in runs.iter().cloned().flatten().map(|triangle| triangle as usize) {
         if let Some((_, texture, corners)) = holes(scene, triangle) {
             let [w, h] = [texture.width() as f32, texture.height() as f32];
             for (a, b) in [(0, 1), (1, 2), (2, 0)] {
@@ -39,23 +27,43 @@ pub(super) fn mask(
         }
     }
     if widest == 0.0 {
-        return Ok(None);
+        return None;
     }
+    let triangles: usize = runs.iter().map(|run| run.len()).sum();
+    let fits = |level: &u32| bits(triangles, *level) <= MOST_BITS;
+    let wanted = (0..FINEST).find(|level| (1u32 << level) as f32 >= widest).unwrap_or(FINEST);
+    Some((0..=wanted).rev().find(fits).unwrap_or(0))
+}
+
+/// Bits of a mask.
+pub(super) fn bits(triangles: usize, level: u32) -> u64 {
+    (triangles as u64) << (2 * level)
+}
+
+/// A mask of this level for these triangles. A micro-cell is open where the nearest texel to its middle has an alpha below one half. `channels` are those of
+/// [`channels`].
+///
+/// # Errors
+/// No memory for it.
+pub(super) fn mask(
+    scene: &Scene,
+    channels: &[usize],
+    runs: &[Range<u32>],
+    level: u32,
+) -> Result<OpacityMask, SceneError> {
+    let triangles: Vec<usize> =
+        runs.iter().cloned().flatten().map(|triangle| triangle as usize).collect();
     let of = |triangle| {
         let (number, texture, corners) = holes(scene, triangle)?;
         Some((texture, *channels.get(number)?, corners))
     };
-    let fits = |level: &u32| (triangles.len() as u64) << (2 * level) <= MOST_BITS;
-    let wanted = (0..FINEST).find(|level| (1u32 << level) as f32 >= widest).unwrap_or(FINEST);
-    let level = (0..=wanted).rev().find(fits).unwrap_or(0);
-    let mask = OpacityMask::new(triangles.len(), level, |triangle, [u, v]| {
+    OpacityMask::new(triangles.len(), level, |triangle, [u, v]| {
         let Some((texture, channel, [a, b, c])) = of(triangles[triangle as usize]) else {
             return true;
         };
         let at = [0, 1].map(|k| (a[k] * (1.0 - u - v) + b[k] * u) + c[k] * v);
         is_opaque(texture, channel, at)
-    })?;
-    Ok(Some(mask))
+    })
 }
 
 /// The picture that says where a triangle has holes, its number, and the triangle's corners in it.

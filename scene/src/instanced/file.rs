@@ -3,6 +3,7 @@
 //! What a file says is checked as it is read, and an error names file, line, column and field.
 
 mod bake;
+mod budget;
 mod error;
 mod format;
 mod geometries;
@@ -14,6 +15,7 @@ pub use error::{SceneFileError, SceneFileProblem};
 use super::InstancedScene;
 use crate::from_file::{self, ReadError, quoted, quoted_reason};
 use crate::{Camera, Light, Material, SceneOptions};
+use budget::Budget;
 use geometries::Geometries;
 use locate::Step;
 use std::collections::HashMap;
@@ -113,10 +115,12 @@ fn scene(file: &format::File, path: &Path, options: &SceneOptions) -> Result<Ins
     };
     let materials = materials(file, &mut scene)?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let geometries = Geometries::read(file, &mut scene, &materials, folder, options)?;
+    let mut budget = Budget::new(options.memory_limit.unwrap_or_else(from_file::usual_limit));
+    let source = (folder, options);
+    let geometries = Geometries::read(file, &mut scene, &materials, source, &mut budget)?;
     instances::read(file, &mut scene, &materials, &geometries)?;
     if options.bake {
-        bake::read(file, &mut scene)?;
+        bake::read(file, &mut scene, &mut budget)?;
     }
     if let Some(environment) = &file.environment {
         read_environment(environment, &mut scene, folder, options)?;

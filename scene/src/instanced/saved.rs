@@ -1,15 +1,16 @@
 //! Files of built scenes, to be looked at: all of it is clay, since such files say nothing of materials.
 
 use super::file::{SceneFileError, SceneFileProblem};
-use super::{InstancedScene, Placed, SolidKind, Solids};
+use super::{Geometry, InstancedScene, Placed, SolidKind, Solids};
 use crate::from_file::{self, ReadError};
 use crate::{Material, Scene, SceneOptions};
 use splitplane_core::mesh::MAX_TRIANGLES;
+use splitplane_core::scene::IDENTITY;
 use splitplane_core::scene::file::{ContentInFile, SceneFile};
 use std::path::Path;
 
-/// Reads a file of a built scene. Geometries and instances have the names that they have in the file where none is free there; else
-/// those behind a free one have lesser ones. Its trees are not read: who looks at a scene builds them as asked.
+/// Reads a file of a built scene. Geometries and instances have the names that they have in the file: where one is free there, something that descriptions lack has its
+/// place ([`InstancedScene::baked`]). Its trees are not read: who looks at a scene builds them as asked.
 ///
 /// # Errors
 /// A file that cannot be read or is not a scene.
@@ -35,8 +36,11 @@ pub fn read_saved(path: &Path, options: &SceneOptions) -> Result<InstancedScene,
     let (frames, seconds_per_frame) = (1, 1.0 / 24.0);
     let mut scene = InstancedScene { name, frames, seconds_per_frame, ..InstancedScene::default() };
     scene.parts.materials.push(Material::clay());
-    let mut numbers = vec![0; file.geometry_names()];
     for (name, geometry) in file.geometries() {
+        while scene.geometries.len() < name.0 as usize {
+            let free = nothing(&mut scene);
+            scene.baked.geometries.push(free);
+        }
         let called = format!("geometry {}", name.0);
         let own = match geometry.content {
             ContentInFile::Mesh(mesh, _) => {
@@ -68,14 +72,33 @@ pub fn read_saved(path: &Path, options: &SceneOptions) -> Result<InstancedScene,
             fail(SceneFileProblem::Scene(super::InstancedError::Objects(error)))
         })?;
         scene.geometries[own as usize].opacity = opacity;
-        numbers[name.0 as usize] = own;
     }
     scene.finish_parts();
-    for (_, instance) in file.instances() {
+    for (name, instance) in file.instances() {
+        while scene.instances.len() < name.0 as usize {
+            let of = match scene.baked.geometries.first() {
+                Some(free) => *free,
+                None => {
+                    let free = nothing(&mut scene);
+                    scene.baked.geometries.push(free);
+                    free
+                }
+            };
+            scene.baked.instances.push(scene.instances.len() as u32);
+            scene.instances.push(Placed::new(of, IDENTITY));
+        }
         let (mask, id, culling) = (instance.mask, instance.id, instance.culling);
-        let geometry = numbers[instance.geometry.0 as usize];
-        let placed = Placed::new(geometry, instance.transform);
+        let placed = Placed::new(instance.geometry.0, instance.transform);
         scene.instances.push(Placed { mask, id, culling, ..placed });
     }
     Ok(scene)
+}
+
+/// Adds a geometry of no triangles, for a name that is free.
+fn nothing(scene: &mut InstancedScene) -> u32 {
+    let vertex = scene.parts.positions.len() as u32;
+    let triangle = scene.parts.indices.len() as u32;
+    let (vertices, triangles) = (vertex..vertex, triangle..triangle);
+    scene.geometries.push(Geometry { vertices, triangles, ..Geometry::default() });
+    scene.geometries.len() as u32 - 1
 }

@@ -139,6 +139,7 @@ impl BuiltScene {
         let mut plan = self.build_geometries(scene, options, build)?;
         plan.go_on(options)?;
         self.place_instances(scene, &mut plan, options)?;
+        self.check_limit(&plan, self.new_mask_bytes(scene), options)?;
         let rebuilt = self.rebuilt_top(scene, &plan, options)?;
         make_room(&mut self.geometries, scene.geometry_names())?;
         make_room(&mut self.placements, scene.instance_names())?;
@@ -332,14 +333,37 @@ impl BuiltScene {
         for (place, name) in names.enumerate() {
             if place > 0 && place % PLACED == 0 {
                 plan.go_on(options)?;
-                let held = plan.placement_bytes();
-                if let Some(limit) = options.max_memory.filter(|&limit| held > limit) {
-                    return Err(SceneBuildError::OutOfMemory { needed: held, limit });
-                }
+                self.check_limit(plan, 0, options)?;
             }
             self.place(scene, name, plan)?;
         }
         Ok(())
+    }
+
+    /// Whether the scene, what is planned and so many bytes more are within the limit.
+    fn check_limit(
+        &self,
+        plan: &Plan,
+        more: u64,
+        options: &BuildOptions<'_>,
+    ) -> Result<(), SceneBuildError> {
+        let Some(limit) = options.max_memory else { return Ok(()) };
+        let needed = self.bytes() + plan.new_bytes() + plan.placement_bytes() + more;
+        if needed > limit {
+            return Err(SceneBuildError::OutOfMemory { needed, limit });
+        }
+        Ok(())
+    }
+
+    /// Bytes of the opacity masks of a description that the scene has not. Those that it loses count until it has lost them.
+    fn new_mask_bytes(&self, scene: &Scene) -> u64 {
+        let new = |(name, _)| {
+            let mask = scene.opacity(name).ok().flatten()?;
+            let had = self.geometry(name).and_then(|own| own.opacity.as_ref());
+            let same = had.is_some_and(|had| Arc::ptr_eq(had, mask));
+            (!same).then(|| size_of_val(mask.words()) as u64)
+        };
+        scene.geometries().filter_map(new).sum()
     }
 
     /// Places an instance, where it changed.
@@ -403,20 +427,13 @@ impl BuiltScene {
         if same {
             return Ok(None);
         }
-        if let Some(limit) = options.max_memory {
+        if options.max_memory.is_some() {
             let names = scene.instance_names();
             let placements = (names * size_of::<Option<Placement>>()) as u64;
             // What is held until the new placements take their places, and the list that the tree is built from.
             let boxes = (scene.len() * size_of::<(u32, WorldBox)>()) as u64;
-            let needed = self.bytes()
-                + plan.new_bytes()
-                + placements
-                + plan.placement_bytes()
-                + boxes
-                + top_tree_bytes(scene.len(), names);
-            if needed > limit {
-                return Err(SceneBuildError::OutOfMemory { needed, limit });
-            }
+            let more = placements + boxes + top_tree_bytes(scene.len(), names);
+            self.check_limit(plan, more, options)?;
         }
         self.top_of(scene.instance_names(), &plan.placements).map(Some)
     }

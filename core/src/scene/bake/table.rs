@@ -27,15 +27,18 @@ struct Group {
 
 /// Bytes that a group of so many instances takes in the table.
 pub(super) fn bytes_of_group(instances: usize) -> u64 {
-    (size_of::<Group>() + instances * size_of::<Part>()) as u64
+    let group = size_of::<Group>() + size_of::<(GeometryId, u32)>();
+    (group + instances * size_of::<Part>()) as u64
 }
 
-/// Tells of triangles of a scene that [`Scene::bake`](crate::scene::Scene::bake) made what they were in the scene before. It takes 12 bytes for each baked instance and 32 for each group, and
+/// Tells of triangles of a scene that [`Scene::bake`](crate::scene::Scene::bake) made what they were in the scene before. It takes 12 bytes for each baked instance and 40 for each group, and
 /// looks up in the logarithm of their number. It tells nothing of edits made since.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BakedTable {
     /// By name of the instance.
     groups: Vec<Group>,
+    /// Places among the groups, by name of the geometry.
+    by_geometry: Vec<(GeometryId, u32)>,
     /// Group by group, in the order in which they were added.
     parts: Vec<Part>,
 }
@@ -48,13 +51,24 @@ impl BakedTable {
         parts: Vec<Part>,
     ) -> Result<(), SceneError> {
         reserve(&mut self.groups, 1)?;
+        reserve(&mut self.by_geometry, 1)?;
         reserve(&mut self.parts, parts.len())?;
         let (first_part, parts_of) = (self.parts.len(), parts.len());
-        let group = Group { instance, geometry, triangles, first_part, parts: parts_of };
-        let place = self.groups.partition_point(|own| own.instance < instance);
-        self.groups.insert(place, group);
+        self.groups.push(Group { instance, geometry, triangles, first_part, parts: parts_of });
+        self.by_geometry.push((geometry, 0));
         self.parts.extend(parts);
         Ok(())
+    }
+
+    /// Makes groups be found, once all are there.
+    pub(super) fn sort(&mut self) {
+        self.groups.sort_unstable_by_key(|group| group.instance);
+        for ((named, place), (at, group)) in
+            self.by_geometry.iter_mut().zip((0..).zip(&self.groups))
+        {
+            (*named, *place) = (group.geometry, at);
+        }
+        self.by_geometry.sort_unstable();
     }
 
     /// The instance of each group in the baked scene and its geometry, in the order of their names.
@@ -62,10 +76,9 @@ impl BakedTable {
         self.groups.iter().map(|group| (group.instance, group.geometry))
     }
 
-    /// The part that a triangle is of; `None` where the instance is not baked, or has no such triangle.
-    fn part(&self, instance: InstanceId, triangle: u32) -> Option<&Part> {
-        let place = self.groups.binary_search_by_key(&instance, |group| group.instance).ok()?;
-        let Group { first_part, parts, triangles, .. } = self.groups[place];
+    /// The part of a group that a triangle is of; `None` where the group has no such triangle.
+    fn part(&self, group: &Group, triangle: u32) -> Option<&Part> {
+        let Group { first_part, parts, triangles, .. } = *group;
         if triangle >= triangles {
             return None;
         }
@@ -82,7 +95,38 @@ impl BakedTable {
         instance: InstanceId,
         triangle: u32,
     ) -> Option<(InstanceId, GeometryId, u32)> {
-        let part = self.part(instance, triangle)?;
+        let place = self.groups.binary_search_by_key(&instance, |group| group.instance).ok()?;
+        let part = self.part(&self.groups[place], triangle)?;
+        Some((part.instance, part.geometry, triangle - part.first_triangle))
+    }
+
+    /// What a triangle of a group's geometry was, as [`BakedTable::original`] says it of the group's own instance. So groups may have instances beside that: bake a house of its parts,
+    /// place it a hundred times ([`BakedTable::groups`] names its geometry), and ask by the hit's geometry which part of the house was met, and by its instance which house. What is baked again asks one table after the other.
+    ///
+    /// ```
+    /// use splitplane_core::mesh::Mesh;
+    /// use splitplane_core::scene::{Instance, InstanceId, Scene, translation};
+    ///
+    /// let triangle = [[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]];
+    /// let mut parts = Scene::new();
+    /// let part = parts.add_mesh(&Mesh::soup(&triangle).unwrap()).unwrap();
+    /// let names = [0.0, 2.0].map(|x| {
+    ///     parts.add_instance(Instance::new(part, translation([x, 0.0, 0.0]))).unwrap()
+    /// });
+    /// let (mut street, table) = parts.bake(&[&names]).unwrap();
+    /// let (_, house) = table.groups().next().unwrap();
+    /// let second = street.add_instance(Instance::new(house, translation([8.0, 0.0, 0.0]))).unwrap();
+    /// // A hit of triangle 1 of the second house.
+    /// assert_eq!(street.instance(second).unwrap().geometry, house);
+    /// assert_eq!(table.original_part(house, 1), Some((names[1], part, 0)));
+    /// ```
+    pub fn original_part(
+        &self,
+        geometry: GeometryId,
+        triangle: u32,
+    ) -> Option<(InstanceId, GeometryId, u32)> {
+        let at = self.by_geometry.binary_search_by_key(&geometry, |(named, _)| *named).ok()?;
+        let part = self.part(&self.groups[self.by_geometry[at].1 as usize], triangle)?;
         Some((part.instance, part.geometry, triangle - part.first_triangle))
     }
 
@@ -99,6 +143,7 @@ impl BakedTable {
     /// Bytes of the table.
     pub fn bytes(&self) -> u64 {
         let groups = self.groups.capacity() * size_of::<Group>();
-        (groups + self.parts.capacity() * size_of::<Part>()) as u64
+        let by_geometry = self.by_geometry.capacity() * size_of::<(GeometryId, u32)>();
+        (groups + by_geometry + self.parts.capacity() * size_of::<Part>()) as u64
     }
 }

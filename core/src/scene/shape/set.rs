@@ -71,7 +71,7 @@ pub struct ShapeHit {
 }
 
 /// A set of shapes of the user's own, in their object's space. The CPU backend answers rays through it; others refuse it by
-/// [`SceneBuildError::OwnShapes`](crate::scene::SceneBuildError).
+/// [`SceneBuildError::OwnShapes`](crate::scene::SceneBuildError). So take that backend by its kind, not `auto`, which takes a GPU where a machine has one.
 ///
 /// Rules. All functions are pure: for the same arguments they give the same results, on every thread. `bounds` holds every
 /// place where `intersect` finds a hit: the ray's point at its `t`, to within [`SHAPE_SLACK`](super::SHAPE_SLACK), which is room

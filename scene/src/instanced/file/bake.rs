@@ -1,5 +1,6 @@
 //! Instances that a scene file bakes: those of one name become one geometry in the world.
 
+use super::budget::{Budget, THREE, bytes_of_triangle};
 use super::format::File;
 use super::locate::Step;
 use super::{At, SceneFileProblem};
@@ -14,16 +15,13 @@ use std::collections::HashMap;
 /// More vertices than so many triangles can name are of no use, and instances may repeat them many times.
 const MOST_VERTICES: usize = 3 * MAX_TRIANGLES;
 
-/// Bakes what the file says. Geometries and instances keep their places.
-pub(super) fn read(file: &File, scene: &mut InstancedScene) -> Result<(), At> {
+/// Bakes what the file says, within a limit of memory. Geometries and instances keep their places.
+pub(super) fn read(file: &File, scene: &mut InstancedScene, budget: &mut Budget) -> Result<(), At> {
     // In the order of their least instances.
     let mut groups: Vec<(&str, Vec<InstanceId>)> = Vec::new();
     let mut places: HashMap<&str, usize> = HashMap::new();
     for (index, own) in file.instances.iter().enumerate() {
         let Some(name) = own.bake.as_deref() else { continue };
-        if let Some(why) = refusal(scene, index) {
-            return Err((field(index), SceneFileProblem::Wrong(why)));
-        }
         let place = *places.entry(name).or_insert_with(|| {
             groups.push((name, Vec::new()));
             groups.len() - 1
@@ -34,7 +32,15 @@ pub(super) fn read(file: &File, scene: &mut InstancedScene) -> Result<(), At> {
         return Ok(());
     }
     let whole = || vec![Step::Field("instances")];
-    check_size(scene, &groups).map_err(|(index, problem)| (field(index), problem))?;
+    check_size(scene, &groups, budget).map_err(|(index, problem)| (field(index), problem))?;
+    let mut chosen: Vec<usize> =
+        groups.iter().flat_map(|(_, names)| names).map(|name| name.0 as usize).collect();
+    chosen.sort_unstable();
+    for index in chosen {
+        if let Some(why) = refusal(scene, index) {
+            return Err((field(index), SceneFileProblem::Wrong(why)));
+        }
+    }
     let described = scene.describe().map_err(|error| (whole(), error.into()))?;
     let chosen: Vec<&[InstanceId]> = groups.iter().map(|(_, names)| &names[..]).collect();
     let (world, table) = described.bake(&chosen).map_err(|error| {
@@ -78,6 +84,7 @@ pub(super) fn read(file: &File, scene: &mut InstancedScene) -> Result<(), At> {
 fn check_size(
     scene: &InstancedScene,
     groups: &[(&str, Vec<InstanceId>)],
+    budget: &mut Budget,
 ) -> Result<(), (usize, SceneFileProblem)> {
     let (mut triangles, mut vertices) = (scene.parts.indices.len(), scene.parts.positions.len());
     for InstanceId(instance) in groups.iter().flat_map(|(_, names)| names) {
@@ -93,8 +100,17 @@ fn check_size(
                 return Err((index, SceneFileProblem::TooMany { what, most }));
             }
         }
+        budget.take(bytes_of(scene, own)).map_err(|problem| (index, problem))?;
     }
     Ok(())
+}
+
+/// Most bytes that an instance of a geometry adds when it is baked: its corners in the described scene and in the one that is read, what its triangles look like, and its
+/// line of the table.
+fn bytes_of(scene: &InstancedScene, own: &Geometry) -> u64 {
+    const LINE: u64 = 12;
+    let triangle = THREE + bytes_of_triangle(&scene.parts);
+    own.vertices.len() as u64 * 2 * THREE + own.triangles.len() as u64 * triangle + LINE
 }
 
 fn field(index: usize) -> Vec<Step> {
@@ -133,11 +149,11 @@ fn refusal(scene: &InstancedScene, index: usize) -> Option<&'static str> {
     };
     let own = &scene.geometries[placed.geometry as usize].triangles;
     let own = &scene.parts.material_of[own.start as usize..own.end as usize];
-    let is_clear = match placed.material {
+    let is_clear = || match placed.material {
         Some(material) => clear(material),
         None => own.iter().any(|material| clear(*material)),
     };
-    (mirrored && is_clear)
+    (mirrored && is_clear())
         .then_some("a reflected body of glass cannot be baked: its inside would be outside")
 }
 

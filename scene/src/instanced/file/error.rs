@@ -88,6 +88,17 @@ pub enum SceneFileProblem {
         /// The most that are allowed.
         most: usize,
     },
+    /// Parts that are named again, opacity masks and baked instances take more memory than is allowed: see
+    /// [`SceneOptions::memory_limit`](crate::SceneOptions::memory_limit).
+    #[error(
+        "repeated parts, opacity masks and baked instances up to here take {needed} bytes, more than the limit of {limit}"
+    )]
+    Memory {
+        /// Bytes of all up to here.
+        needed: u64,
+        /// The limit.
+        limit: u64,
+    },
     /// Fields that do not go together, or a value out of range.
     #[error("{0}")]
     Wrong(&'static str),
@@ -128,6 +139,7 @@ impl SceneFileProblem {
             self,
             SceneFileProblem::Limit(_)
                 | SceneFileProblem::TooMany { .. }
+                | SceneFileProblem::Memory { .. }
                 | SceneFileProblem::Bake(
                     BakeError::TooMany { .. }
                         | BakeError::OutOfMemory { .. }

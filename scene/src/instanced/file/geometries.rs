@@ -1,5 +1,6 @@
 //! The geometries of a scene file: arrays in it, and .obj files beside it.
 
+use super::budget::{Budget, bytes_of_copy};
 use super::format::{self, File};
 use super::locate::Step;
 use super::{At, MAX_INSTANCES, SceneFileProblem, material};
@@ -38,8 +39,8 @@ impl<'a> Geometries<'a> {
         file: &'a File,
         scene: &mut InstancedScene,
         materials: &HashMap<&str, u32>,
-        folder: &Path,
-        options: &SceneOptions,
+        (folder, options): (&Path, &SceneOptions),
+        budget: &mut Budget,
     ) -> Result<Geometries<'a>, At> {
         let at =
             |index, name| vec![Step::Field("geometries"), Step::Element(index), Step::Field(name)];
@@ -51,7 +52,10 @@ impl<'a> Geometries<'a> {
         let mut by_name = HashMap::new();
         let mut known: HashMap<(Source<'a>, Option<u32>), u32> = HashMap::new();
         let mut loaded: HashMap<&str, Loaded> = HashMap::new();
+        // Triangles that geometries took of each file; those that several took, each time.
+        let mut taken: HashMap<&str, usize> = HashMap::new();
         let mut texture_bytes = 0;
+        let (mut solids, mut clay) = (scene.solids(), None);
         for (index, own) in file.geometries.iter().enumerate() {
             let named = material(materials, own.material.as_deref(), || at(index, "material"))?;
             let number = match Kind::of(own)
@@ -104,29 +108,40 @@ impl<'a> Geometries<'a> {
                             return Err((at(index, what), problem));
                         }
                         let more: usize = runs.iter().map(|run| run.len()).sum();
-                        room(scene, more).map_err(|problem| (at(index, "obj"), problem))?;
+                        let fail = |problem| (at(index, "obj"), problem);
+                        room(scene, more).map_err(fail)?;
+                        // Every triangle once is what the file holds.
+                        let taken = taken.entry(path).or_insert(0);
+                        *taken += more;
+                        if *taken > from.indices.len() {
+                            budget.take(bytes_of_copy(from, &runs)).map_err(fail)?;
+                        }
                         let number = scene.add_geometry(&own.name, from, &runs, *first_material);
                         if let Some(material) = named {
                             scene.paint_geometry(number, material);
-                        } else {
-                            let mask = cutout::mask(from, channels, &runs).map_err(|error| {
-                                let error = InstancedError::Objects(error);
-                                (at(index, "obj"), SceneFileProblem::Scene(error))
+                        } else if let Some(level) = cutout::level(from, &runs) {
+                            // The description of the scene has one of its own.
+                            let bytes = 2 * cutout::bits(more, level).div_ceil(8);
+                            budget.take(bytes).map_err(fail)?;
+                            let mask = cutout::mask(from, channels, &runs, level);
+                            let mask = mask.map_err(|error| {
+                                fail(SceneFileProblem::Scene(InstancedError::Objects(error)))
                             })?;
-                            scene.geometries[number as usize].opacity = mask;
+                            scene.geometries[number as usize].opacity = Some(mask);
                         }
                         known.insert((source, named), number);
                         number
                     }
                 },
                 Kind::Solids(kind) => {
-                    let count = scene.solids() + kind.len();
-                    if count > MAX_SOLIDS {
+                    solids += kind.len();
+                    if solids > MAX_SOLIDS {
                         let what = "spheres and capsules in all geometries together";
                         let problem = SceneFileProblem::TooMany { what, most: MAX_SOLIDS };
                         return Err((whole(index), problem));
                     }
-                    let material = named.unwrap_or_else(|| clay(scene));
+                    let mut usual = || *clay.get_or_insert_with(|| clay_of(scene));
+                    let material = named.unwrap_or_else(&mut usual);
                     scene.add_solids(&own.name, Solids { kind, material })
                 }
                 Kind::Arrays(positions, triangles) => {
@@ -134,7 +149,8 @@ impl<'a> Geometries<'a> {
                         .map_err(|error| (at(index, "triangles"), error.into()))?;
                     room(scene, triangles.len())
                         .map_err(|problem| (at(index, "triangles"), problem))?;
-                    let number = named.unwrap_or_else(|| clay(scene));
+                    let mut usual = || *clay.get_or_insert_with(|| clay_of(scene));
+                    let number = named.unwrap_or_else(&mut usual);
                     let from = Scene {
                         positions: positions.to_vec(),
                         indices: triangles.to_vec(),
@@ -222,8 +238,8 @@ fn room(scene: &InstancedScene, more: usize) -> Result<(), SceneFileProblem> {
     Ok(())
 }
 
-/// The number of the material of triangles without one.
-fn clay(scene: &mut InstancedScene) -> u32 {
+/// The number of the material of triangles without one, which looks at all materials.
+fn clay_of(scene: &mut InstancedScene) -> u32 {
     let materials = &mut scene.parts.materials;
     let clay = Material::clay();
     if let Some(there) = materials.iter().position(|material| *material == clay) {

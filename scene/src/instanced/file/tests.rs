@@ -489,6 +489,16 @@ fn what_would_bake_to_too_much_is_refused_at_once() {
     assert!(text.contains("line 2686, column 29, instances[2683].bake: "), "{text}");
     assert!(text.contains("triangles in all geometries and baked instances together"), "{text}");
     assert_eq!(read_in(&folder, &file(2)).unwrap().triangles(), 200_000);
+    // Nor more bytes than are allowed: an instance takes 100,000 times 28, 72 of corners, and 12.
+    let path = folder.path().join("scene.json");
+    let within = |limit| SceneOptions { memory_limit: Some(limit), ..SceneOptions::default() };
+    let needed = 3 * (100_000 * 28 + 72 + 12);
+    let error = parse(&file(5), &path, &within(needed)).unwrap_err();
+    assert!(error.problem.is_limit(), "{error}");
+    let text = error.to_string();
+    assert!(text.contains("line 5, column 29, instances[3].bake: "), "{text}");
+    assert!(parse(&file(3), &path, &within(needed)).is_ok());
+    assert!(parse(&file(3), &path, &within(needed - 1)).is_err());
 }
 
 /// What cannot be baked is refused, with its place.
