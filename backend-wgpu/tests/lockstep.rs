@@ -382,7 +382,10 @@ fn children_that_many_workgroups_write() {
     let retry = splitplane_shaders::kernel_retry("allocate_children").expect("a retry").source();
     let backend = WgpuBackend::without_selftest(Gpu::clone(&common::gpu()));
     // More nodes in a level than all workgroups take at once, cuts, and nodes that are transferred with cuts and without.
-    let scene = scenes::grid_boxes(4).joined(&scenes::soup(6_000, 0.1, 9), "children");
+    // And triangles that no plane separates.
+    let scene = scenes::grid_boxes(4)
+        .joined(&scenes::soup(6_000, 0.1, 9), "children")
+        .joined(&scenes::identical(300), "same");
     let many = BuildConfig { block_width: 1, max_depth: 12, ..Preset::Balanced.config() }
         .with_stages(|stages| stages.small_node_limit = 2);
     let balanced = Preset::Balanced.config();
@@ -391,8 +394,18 @@ fn children_that_many_workgroups_write() {
         check(&backend, &scene, &config);
     }
     for (of_retry, text, fault, config) in [
-        (false, "TopNode(place.x, place.z, chunk, 0u)", "TopNode(place.z, place.x, chunk, 0u)", many),
-        (false, "TopNode(place.x, place.z, chunk, 0u)", "TopNode(place.x, place.z, 0u, 0u)", balanced),
+        (
+            false,
+            "TopNode(place.x, place.z, chunk, 0u)",
+            "TopNode(place.z, place.x, chunk, 0u)",
+            many,
+        ),
+        (
+            false,
+            "TopNode(place.x, place.z, chunk, 0u)",
+            "TopNode(place.x, place.z, 0u, 0u)",
+            balanced,
+        ),
         (false, "decisions[index].first = decision.first;", "", many),
         (false, "decisions[index].counts = decision.counts;", "", capped),
         (true, "emitted_by(decision) == 0u", "false", many),
