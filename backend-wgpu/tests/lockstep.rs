@@ -373,6 +373,63 @@ fn subtrees_that_are_built_again() {
     assert!(!by(faulty), "a fault went unseen");
 }
 
+/// Without the middle stage many workgroups write the children whose places one has found: faults in what it tells them, and in what they write, are seen.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn children_that_many_workgroups_write() {
+    let kernel = Kernel::AllocateChildren;
+    let own = splitplane_shaders::KERNELS[kernel as usize].source();
+    let retry = splitplane_shaders::kernel_retry("allocate_children").expect("a retry").source();
+    let backend = WgpuBackend::without_selftest(Gpu::clone(&common::gpu()));
+    // More nodes in a level than all workgroups take at once, cuts, and nodes that are transferred with cuts and without.
+    // And triangles that no plane separates.
+    let scene = scenes::grid_boxes(4)
+        .joined(&scenes::soup(6_000, 0.1, 9), "children")
+        .joined(&scenes::identical(300), "same");
+    let many = BuildConfig { block_width: 1, max_depth: 12, ..Preset::Balanced.config() }
+        .with_stages(|stages| stages.small_node_limit = 2);
+    let balanced = Preset::Balanced.config();
+    let capped = capped(balanced);
+    for config in [many, balanced, capped] {
+        check(&backend, &scene, &config);
+    }
+    for (of_retry, text, fault, config) in [
+        (
+            false,
+            "TopNode(place.x, place.z, chunk, 0u)",
+            "TopNode(place.z, place.x, chunk, 0u)",
+            many,
+        ),
+        (
+            false,
+            "TopNode(place.x, place.z, chunk, 0u)",
+            "TopNode(place.x, place.z, 0u, 0u)",
+            balanced,
+        ),
+        (false, "decisions[index].first = decision.first;", "", many),
+        (false, "decisions[index].counts = decision.counts;", "", capped),
+        (true, "emitted_by(decision) == 0u", "false", many),
+        (true, "counters[COUNTER_LEVELS] - 1u", "counters[COUNTER_LEVELS]", many),
+        (true, "index += 64u * groups.x", "index += 65536u * groups.x", many),
+        (true, "here.y += 1u", "here.y += 2u", many),
+        (true, "first_chunk += chunks_of(count)", "first_chunk += 1u", balanced),
+        (true, "select(0u, 1u, inseparable)", "0u", balanced),
+    ] {
+        let source = if of_retry { &retry } else { &own };
+        let planted = source.replace(text, fault);
+        assert!(planted != *source, "{text}: the text to change is gone");
+        let gpu = Gpu::clone(&common::gpu());
+        let backend = match of_retry {
+            true => WgpuBackend::with_replaced_retry(gpu, kernel, planted),
+            false => WgpuBackend::with_replaced_kernel(gpu, kernel, planted),
+        };
+        match in_step(&backend, &scene.mesh(), &config) {
+            Ok(_) => panic!("{text}, {fault}: the fault was not seen"),
+            Err(difference) => assert_eq!(difference.kernel, format!("{kernel:?}"), "{text}"),
+        }
+    }
+}
+
 /// A schedule for planes that the executor's preset does not find ends in an error.
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]

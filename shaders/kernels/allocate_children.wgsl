@@ -4,6 +4,8 @@
 // Writes: where each child's references go; the next list, the small list and the top tree, in the
 // order of the active list. Caps bind here, by running sums over the list: nodes beyond them are
 // transferred unsplit.
+// Without the middle stage lists of nodes are long, and one workgroup would take most of its time for writing them: it
+// then leaves that to `allocate_children_retry`, and writes where they begin.
 
 @group(0) @binding(0) var<uniform> parameters: Parameters;
 @group(0) @binding(1) var<storage, read_write> counters: array<u32, 32>;
@@ -77,50 +79,6 @@ fn judge_one_by_one(count: u32) {
     alive = sum;
 }
 
-fn interior(axis: u32, position: f32, left: u32, right: u32) -> TopNode {
-    return TopNode(axis, bitcast<u32>(position), left, right);
-}
-
-// One child: its place in the next or the small list, if it has references.
-fn place_child(
-    decision: Decision,
-    node: LargeNode,
-    cell: Aabb,
-    depth: u32,
-    top: u32,
-    side: u32,
-    index: u32,
-    first: u32,
-    first_chunk: u32,
-) {
-    let count = select(decision.counts.x, decision.counts.y, side == 1u);
-    if count == 0u {
-        return;
-    }
-    if is_large(decision, count) {
-        if index < parameters.node_room {
-            let inseparable = all(decision.counts == vec2<u32>(node.count));
-            next_nodes[index] = LargeNode(
-                cell.lo, first, cell.hi, count, top, depth, node.first_chunk, chunks_of(node.count),
-                side, select(0u, 1u, inseparable), first_chunk, 0u,
-            );
-        }
-    } else {
-        top_nodes[top] = TopNode(SMALL_ROOT, 0u, index, 0u);
-        // Levels before the one that would split it.
-        let level = counted[COUNTER_LEVELS] + select(1u, 0u, decision.axis == TRANSFER);
-        if index < parameters.small_root_room {
-            small_roots[index] =
-                SmallRoot(cell.lo, first, cell.hi, count, top, depth, level, 0u);
-        }
-    }
-}
-
-// Whether a child goes to the next list.
-fn is_large(decision: Decision, count: u32) -> bool {
-    return decision.axis != TRANSFER && count > parameters.hand_over_limit;
-}
-
 @compute @workgroup_size(256)
 fn main(@builtin(local_invocation_index) lane: u32) {
     opaque_zero = parameters.zero;
@@ -129,11 +87,11 @@ fn main(@builtin(local_invocation_index) lane: u32) {
         counted[lane] = counters[lane];
     }
     workgroupBarrier();
+    level = counted[COUNTER_LEVELS];
     if lane == 0u {
         atomicStore(&unfinished, 0u);
         let present = select(0u, counted[COUNTER_ACTIVE_NODES + parameters.swapped], counted[COUNTER_OVERFLOW] == 0u);
         let references = counted[COUNTER_ACTIVE_REFERENCES + parameters.swapped];
-        let level = counted[COUNTER_LEVELS];
         top_count = counted[COUNTER_TOP_NODES];
         alive = counted[COUNTER_SMALL_REFERENCES] + references;
         alive_before = alive;
@@ -189,19 +147,24 @@ fn main(@builtin(local_invocation_index) lane: u32) {
 fn place_nodes(start: u32, count: u32, capped: bool, lane: u32) {
     let index = start + lane;
     let present = lane < count;
-    var node: LargeNode;
+    // Field by field: records lie apart, so that each word of each is an access of its own.
     var decision: Decision;
+    var references = 0u;
     var worst = 0u;
     var growth = 0u;
     if present {
-        node = active_nodes[index];
-        decision = decisions[index];
+        references = active_nodes[index].count;
+        decision.cut_count = decisions[index].cut_count;
+        decision.cut_sides = decisions[index].cut_sides;
+        decision.axis = decisions[index].axis;
+        decision.position = decisions[index].position;
+        decision.counts = decisions[index].counts;
         if (decision.cut_sides & UNDECIDED) != 0u {
             atomicStore(&unfinished, 1u);
         }
         let splits = decision.axis != TRANSFER;
         let both = decision.counts.x + decision.counts.y;
-        growth = select(0u, both - min(both, node.count), splits);
+        growth = select(0u, both - min(both, references), splits);
         wanted[lane] = vec2<u32>(2u * decision.cut_count + select(0u, 1u, splits), growth);
         worst = 2u * decision.cut_count + 2u;
     }
@@ -220,30 +183,45 @@ fn place_nodes(start: u32, count: u32, capped: bool, lane: u32) {
         }
         if verdict == REFUSED_ALL {
             decision.cut_count = 0u;
+            decisions[index].cut_count = 0u;
         }
         if verdict != SPLIT {
             decision.axis = TRANSFER;
             decision.position = 0.0;
-            decision.counts = vec2<u32>(node.count, 0u);
+            decision.counts = vec2<u32>(references, 0u);
+            decisions[index].axis = decision.axis;
+            decisions[index].position = decision.position;
+            decisions[index].counts = decision.counts;
         }
-        emitted = 2u * decision.cut_count + select(2u, 0u, decision.axis == TRANSFER);
+        emitted = emitted_by(decision);
         for (var side = 0u; side < 2u; side++) {
-            let references = select(decision.counts.x, decision.counts.y, side == 1u);
-            if is_large(decision, references) {
-                places += vec4<u32>(1u, references, 0u, 0u);
-                chunks += chunks_of(references);
-            } else if references > 0u {
-                places += vec4<u32>(0u, 0u, 1u, references);
+            let own = select(decision.counts.x, decision.counts.y, side == 1u);
+            if is_large(decision, own) {
+                places += vec4<u32>(1u, own, 0u, 0u);
+                chunks += chunks_of(own);
+            } else if own > 0u {
+                places += vec4<u32>(0u, 0u, 1u, own);
             }
         }
     }
     let firsts = exclusive_scan(lane, count, Sums(places, vec4<u32>(emitted, chunks, halves.x, halves.y)));
     let totals = scan_totals(count);
     if present {
+        let place = firsts.a + vec4<u32>(next_count, next_reference_count, small_count, small_reference_count);
+        let chunk = next_chunk_count + firsts.b.y;
         decision.first_node = top_count + firsts.b.x;
-        emit_nodes(index, &decision, node, firsts.a + vec4<u32>(
-            next_count, next_reference_count, small_count, small_reference_count), next_chunk_count + firsts.b.y);
-        decisions[index] = decision;
+        decision.first = first_references(decision, place.yw);
+        decisions[index].first_node = decision.first_node;
+        decisions[index].first = decision.first;
+        // A tree that outgrows its room is not written: the build will be repeated.
+        if decision.first_node + emitted <= parameters.top_node_room {
+            if parameters.hand_over_limit > parameters.small_node_limit {
+                emit_nodes(index, decision, active_nodes[index], place.x, place.z, chunk);
+            } else {
+                top_nodes[place_of_places(decision, active_nodes[index].node)] =
+                    TopNode(place.x, place.z, chunk, 0u);
+            }
+        }
     }
     workgroupBarrier();
     if lane == 0u {
@@ -291,74 +269,4 @@ fn alive_after(sums: vec2<u32>) -> u32 {
     let high = sums.y + (sums.x >> 16u);
     let grown = select((high << 16u) | (sums.x & 0xffffu), 0xffffffffu, high > 0xffffu);
     return saturating_sum(alive, grown);
-}
-
-// Writes one node's part of the top tree and its children. `place` is where its children's places
-// begin: next list, next references, small list, small references; `chunk` where their chunks do.
-fn emit_nodes(index: u32, decision: ptr<function, Decision>, node: LargeNode, place: vec4<u32>, chunk: u32) {
-    // A tree that outgrows its room is not written: the build will be repeated.
-    let emitted = 2u * (*decision).cut_count + select(2u, 0u, (*decision).axis == TRANSFER);
-    if (*decision).first_node + emitted > parameters.top_node_room {
-        return;
-    }
-    var top = (*decision).first_node;
-    var current = node.node;
-    var cell = Aabb(node.lo, node.hi);
-    var depth = node.depth;
-    for (var i = 0u; i < (*decision).cut_count; i++) {
-        let side = ((*decision).cut_sides >> (4u * i)) & 0xfu;
-        let axis = side / 2u;
-        // From the list: of a variable the index would need memory.
-        let position = decisions[index].cuts[i];
-        let low = side % 2u == 0u;
-        top_nodes[top] = TopNode(EMPTY, 0u, 0u, 0u);
-        top_nodes[top + 1u] = TopNode(EMPTY, 0u, 0u, 0u);
-        top_nodes[current] = interior(
-            axis, position, select(top + 1u, top, low), select(top, top + 1u, low));
-        if low {
-            cell.lo = with_axis(cell.lo, axis, position);
-        } else {
-            cell.hi = with_axis(cell.hi, axis, position);
-        }
-        current = top + 1u;
-        top += 2u;
-        depth += 1u;
-    }
-    if (*decision).axis == TRANSFER {
-        // Never large: the transfer says so.
-        (*decision).first = vec2<u32>(place.w, 0u);
-        place_child(*decision, node, cell, depth, current, 0u, place.z, place.w, 0u);
-        return;
-    }
-    let axis = (*decision).axis;
-    let position = (*decision).position;
-    top_nodes[top] = TopNode(EMPTY, 0u, 0u, 0u);
-    top_nodes[top + 1u] = TopNode(EMPTY, 0u, 0u, 0u);
-    top_nodes[current] = interior(axis, position, top, top + 1u);
-    var here = place;
-    var first_chunk = chunk;
-    for (var side = 0u; side < 2u; side++) {
-        let count = select((*decision).counts.x, (*decision).counts.y, side == 1u);
-        let large = is_large(*decision, count);
-        var part = cell;
-        if side == 0u {
-            part.hi = with_axis(cell.hi, axis, position);
-        } else {
-            part.lo = with_axis(cell.lo, axis, position);
-        }
-        let first = select(here.w, here.y, large);
-        if side == 0u {
-            (*decision).first.x = first;
-        } else {
-            (*decision).first.y = first;
-        }
-        let child = select(here.z, here.x, large);
-        place_child(*decision, node, part, depth + 1u, top + side, side, child, first, first_chunk);
-        if large {
-            here += vec4<u32>(1u, count, 0u, 0u);
-            first_chunk += chunks_of(count);
-        } else if count > 0u {
-            here += vec4<u32>(0u, 0u, 1u, count);
-        }
-    }
 }

@@ -146,6 +146,7 @@ library! {
     REFRACTION "refraction"
     NO_REFRACTION "no_refraction"
     TONE "tone"
+    EMIT_CHILDREN "emit_children"
     POINT_LAYOUT "point_layout"
     POINT_WALK "point_walk"
     POINT_LIST_ONE "point_list_one"
@@ -165,7 +166,7 @@ shaders! {
         "bin_references": ARITHMETIC AABB LAYOUT KERNEL SAH WIDE BINS;
         "split_binned": ARITHMETIC AABB LAYOUT KERNEL SPLIT SAH SCAN WIDE BINS DECISION;
         "classify_references": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE SPLIT SAH CORNERS CHUNK_STATE BALLOT;
-        "allocate_children": ARITHMETIC AABB LAYOUT KERNEL SHORT_SCAN;
+        "allocate_children": ARITHMETIC AABB LAYOUT KERNEL SHORT_SCAN EMIT_CHILDREN;
         "scatter_references": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE SPLIT SAH CORNERS CHUNK_STATE CHILDREN;
         "build_middle": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE SPLIT SAH WIDE CORNERS MIDDLE WIDE_SCAN;
         "scan_middle": LAYOUT KERNEL SCAN;
@@ -184,6 +185,7 @@ shaders! {
     /// What finishes what kernels of the tree builder leave to it, over the same bindings. Their names are those of the
     /// kernels, with `_retry`.
     KERNEL_RETRIES "kernels" {
+        "allocate_children_retry": ARITHMETIC AABB LAYOUT KERNEL EMIT_CHILDREN;
         "emit_small_retry": ARITHMETIC AABB LAYOUT KERNEL SPLIT SAH NODE SMALL_ROOT SMALL_NODE;
     }
 }

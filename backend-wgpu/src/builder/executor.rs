@@ -20,6 +20,9 @@ use crate::device::{
 use crate::error::GpuError;
 use crate::query::Queries;
 
+/// Invocations of a workgroup of `allocate_children_retry`, each of which has a node.
+const NODES_A_GROUP: u32 = 64;
+
 impl DeviceSet for TreeBuilder {
     /// How the longest lists are bound.
     type Variant = Lists;
@@ -33,7 +36,7 @@ impl DeviceSet for TreeBuilder {
         Text { name: shader.name, parts }
     }
 
-    /// Only one kernel has one: it binds no list that goes on in a second binding.
+    /// Those that have one bind no list that goes on in a second binding.
     fn retry(kernel: Kernel, _lists: &Lists) -> Option<Text> {
         let shader = splitplane_shaders::kernel_retry(kernel.name())?;
         Some(Text { name: shader.name, parts: shader.parts.into() })
@@ -184,6 +187,18 @@ impl Job for Build<'_> {
                     pieces.push(piece(whole, workgroups));
                 }
             }
+        }
+    }
+
+    /// With a middle stage the lists of nodes are short, and `allocate_children` does all by itself.
+    fn retry_workgroups(&self, kernel: Kernel, piece: &Piece) -> u32 {
+        match kernel {
+            Kernel::AllocateChildren if self.capacities.middle => 0,
+            Kernel::AllocateChildren => {
+                let wanted = self.most(Counter::ActiveNodes).div_ceil(NODES_A_GROUP);
+                wanted.clamp(1, most_groups(self.software, wanted))
+            }
+            _ => piece.workgroups,
         }
     }
 

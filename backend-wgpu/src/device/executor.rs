@@ -42,6 +42,12 @@ pub trait Job {
     /// The dispatches that a kernel takes, in order. `swapped` says whether lists have changed places.
     fn pieces(&self, kernel: SetKernel<Self>, swapped: bool, pieces: &mut Vec<Piece>);
 
+    /// Workgroups of the retry of a piece of a kernel's grid: as many as the piece has, unless the retry has a grid of its own. None where
+    /// the kernel leaves nothing to it.
+    fn retry_workgroups(&self, _kernel: SetKernel<Self>, piece: &Piece) -> u32 {
+        piece.workgroups
+    }
+
     /// Notes that a loop asks for its next round, and says how it continues without reading
     /// counters.
     fn round(&mut self, counter: SetCounter<Self>, rounds: u32) -> Round;
@@ -423,9 +429,17 @@ impl<J: Job> Executor<J::Set> for DeviceExecutor<'_, J> {
             pass.set_pipeline(&compiled.pipeline);
             let groups = rest.as_ref().filter(|_| place > 0).unwrap_or(&first);
             for (piece, group) in self.pieces.iter().zip(groups) {
-                let few = few_retries && place == 1;
+                let is_retry = retries && place == 1;
+                let few = few_retries && is_retry;
                 let most = if few { most.min(FEW_WORKGROUPS) } else { most };
-                let workgroups = piece.workgroups.min(most);
+                let wanted = match is_retry {
+                    true => self.job.retry_workgroups(kernel, piece),
+                    false => piece.workgroups,
+                };
+                if wanted == 0 {
+                    continue;
+                }
+                let workgroups = wanted.min(most);
                 self.most_workgroups = self.most_workgroups.max(workgroups);
                 pass.set_bind_group(0, group, piece.block.as_slice());
                 pass.dispatch_workgroups(workgroups, 1, 1);
