@@ -129,7 +129,7 @@ fn a_scene_is_built_with_one_tree_for_all_that_share_arrays() {
         assert_eq!((one.bounds(), one.outline()), (other.bounds(), other.outline()));
     }
     // What fits when it counts once is built.
-    let most = (1..200).map(|step| 20_000 * step).find(|&limit| {
+    let most = (1..200).map(|step| 100_000 * step).find(|&limit| {
         backend.build_scene(&apart, &BuildOptions { max_memory: Some(limit), ..options }).is_ok()
     });
     let limit = most.expect("a limit") - 2 * of(names[0]);
