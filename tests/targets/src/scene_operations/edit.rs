@@ -88,6 +88,21 @@ fn stir(random: &mut Random, part: usize, reach: f64, scene: &mut Scene, model: 
     }
 }
 
+/// Moves the vertices of all meshes, or of some, a little: what changes every frame, by a few bytes.
+pub(super) fn deform(source: &mut Source<'_>, scene: &mut Scene, model: &mut Model) {
+    let (random, part) = (&mut Random::new(source.long()), source.pick(&[1, 2]));
+    for (&name, triangles) in &mut model.geometries {
+        if model.shapes.contains(&name) || random.below(part) > 0 {
+            continue;
+        }
+        for corner in triangles.iter_mut().flatten() {
+            corner[random.below(3)] += (random.unit() - 0.5) as f32;
+        }
+        let mesh = Mesh::soup(triangles).expect("a mesh");
+        scene.replace_mesh(GeometryId(name), &mesh).expect("a mesh of triangles");
+    }
+}
+
 /// Whether a transform is refused, and for what.
 fn refusal(name: u32, transform: &Transform, error: SceneError) {
     let finite = transform.iter().flatten().all(|x| x.is_finite());
@@ -113,7 +128,7 @@ pub(super) fn edit(
     let geometry = GeometryId(name(source, scene.geometry_names()));
     let one = InstanceId(name(source, scene.instance_names()));
     let is_there = model.instances.get(&one.0).copied();
-    match source.below(14) {
+    match source.below(17) {
         0 => {
             let triangles = triangles(source);
             let added = scene.add_mesh(&Mesh::soup(&triangles).expect("a mesh"));
@@ -227,6 +242,7 @@ pub(super) fn edit(
             }
             return geometry != from;
         }
+        11 | 12 => deform(source, scene, model),
         _ if model.instances.len() < INSTANCES => {
             let own = instance(source, geometry);
             let next = scene.instance_names() as u32;

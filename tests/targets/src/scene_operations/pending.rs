@@ -4,6 +4,7 @@ use core::ops::ControlFlow;
 use std::sync::Arc;
 
 use super::Run;
+use super::edit::deform;
 use super::update::{is_of_limit, limit};
 use crate::source::Source;
 use splitplane_core::backend::BuildOptions;
@@ -107,6 +108,15 @@ impl Pending {
         true
     }
 
+    fn renew(&mut self, run: &mut Run<'_>) {
+        let built = run.built.scene();
+        run.library.renew(&mut self.update, built, &run.scene).expect("memory");
+        self.needed = needed(built, &run.scene, &self.needed);
+        (self.digest, self.others) = (built.digest(), 0);
+        run.reached.renewed += u64::from(self.has_trees());
+        self.check();
+    }
+
     /// The geometry that lacks a tree, if any.
     fn lacking(&self, run: &Run<'_>) -> Option<u32> {
         let has = |mesh| self.needed.iter().any(|(_, own, has)| *has && Arc::ptr_eq(own, mesh));
@@ -118,6 +128,9 @@ impl Pending {
 /// Begins a pending update, or goes on with the one that there is.
 pub(super) fn step(source: &mut Source<'_>, run: &mut Run<'_>) {
     let Some(mut pending) = run.pending.take() else {
+        if source.once_in(2) {
+            deform(source, &mut run.scene, &mut run.model);
+        }
         let pending = Pending::begin(run);
         pending.check();
         run.pending = Some(pending);
@@ -125,7 +138,7 @@ pub(super) fn step(source: &mut Source<'_>, run: &mut Run<'_>) {
     };
     let options = BuildOptions::default();
     let by_updater = source.once_in(2);
-    match source.below(8) {
+    match source.below(10) {
         0 => {
             let stop = |_: &Progress| ControlFlow::Break(());
             let left = pending.update.left();
@@ -133,26 +146,22 @@ pub(super) fn step(source: &mut Source<'_>, run: &mut Run<'_>) {
             assert_eq!(pending.update.left(), left);
         }
         1 => {
-            let limit = limit(source, run.built.scene().bytes() + pending.update.bytes());
-            pending.build_next(run, by_updater, &BuildOptions { max_memory: Some(limit), ..options });
-            assert!(pending.update.bytes() <= limit || pending.others > 0);
+            let (held, trees) = (run.built.scene().bytes(), pending.update.bytes());
+            let limit = limit(source, held + trees);
+            let options = BuildOptions { max_memory: Some(limit), ..options };
+            pending.build_next(run, by_updater, &options);
+            let grown = pending.update.bytes();
+            assert!(grown == trees || held + grown <= limit || pending.others > 0);
         }
         2 => drop(pending.build_next(run, by_updater, &options)),
         3 | 4 => while pending.build_next(run, by_updater, &options) {},
-        5 => {
-            let built = run.built.scene();
-            run.library.renew(&mut pending.update, built, &run.scene).expect("memory");
-            pending.needed = needed(built, &run.scene, &pending.needed);
-            (pending.digest, pending.others) = (built.digest(), 0);
-            run.reached.renewed += u64::from(pending.has_trees());
-            pending.check();
-        }
+        5 => pending.renew(run),
         6 => {
             run.reached.dropped += u64::from(pending.has_trees());
             return run.is_as_before();
         }
         _ => {
-            if source.once_in(2) {
+            if !source.once_in(4) {
                 while pending.build_next(run, by_updater, &options) {}
             }
             return finish(source, run, by_updater, pending);
@@ -183,6 +192,10 @@ fn finish(source: &mut Source<'_>, run: &mut Run<'_>, by_updater: bool, mut pend
             Err(FinishError::Outdated) => {
                 assert!(may_be_outdated);
                 run.reached.outdated += 1;
+                pending.check();
+                if source.once_in(2) {
+                    pending.renew(run);
+                }
                 break;
             }
             Err(FinishError::NotBuilt { geometry }) => {

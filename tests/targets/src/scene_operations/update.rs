@@ -2,6 +2,7 @@
 
 use core::ops::ControlFlow;
 
+use super::edit::deform;
 use super::{Reached, Run};
 use crate::source::Source;
 use splitplane_core::backend::BuildOptions;
@@ -12,7 +13,7 @@ use splitplane_core::watch::Progress;
 
 /// A limit of memory, from nothing to more than is needed.
 pub(super) fn limit(source: &mut Source<'_>, held: u64) -> u64 {
-    let more = source.below(1 << 10) as u64 * 64;
+    let more = source.below(1 << 10) as u64 * 1024;
     source.pick(&[held + more, held, held / 2, 0])
 }
 
@@ -42,6 +43,9 @@ fn update_by(
 /// Brings the scene up to date, maybe after a call that is cancelled or that a limit refuses, and holds it to one that is built from nothing.
 pub(super) fn update(source: &mut Source<'_>, run: &mut Run<'_>) {
     let options = BuildOptions::default();
+    if source.once_in(3) {
+        deform(source, &mut run.scene, &mut run.model);
+    }
     if source.once_in(8) {
         run.reached.cleared += u64::from(run.updater.spare_bytes() > 0);
         run.library.clear(&mut run.updater);
