@@ -74,8 +74,13 @@ impl Room {
         }
         let stays = held.and_then(|held| Stays::of(held, becoming));
         let all = becoming.sizes.bytes();
+        // What comes to a scene of nothing is its first content, not growth.
+        let is_first = |held: &HeldScene| {
+            held.places.used() == PackedSizes::default() && !becoming.changes.is_empty()
+        };
         let ways: &[Way] = match (&held, &stays) {
             (None, _) => &[Way::AllExact],
+            (Some(held), _) if is_first(held) => &[Way::AllExact],
             (_, None) => &[Way::All, Way::AllExact],
             (_, Some(stays)) if stays.wastes => {
                 &[Way::AllExact, Way::StaySpare, Way::Stay, Way::All]
