@@ -171,7 +171,10 @@ fn accept_hit(hit: SceneHit) -> bool { return hit.triangle % 2u == 0u; }
         assert_eq!(text.matches("accept_hit(").count(), 2);
         assert!(!text.contains("fn accept_hit("));
         // Nothing else is different.
-        assert_eq!(text, plain.replace(TAKES, ASKS).replace(TAKES_SHAPE, ASKS_SHAPE) + HOST_ACCEPTS);
+        assert_eq!(
+            text,
+            plain.replace(TAKES, ASKS).replace(TAKES_SHAPE, ASKS_SHAPE) + HOST_ACCEPTS
+        );
     }
 
     /// A line that is not there, or twice, would leave the host unasked.

@@ -51,7 +51,9 @@ fn change_geometry(scene: &mut Scene, geometry: GeometryId, random: &mut Random)
         1 => scene.set_opacity(geometry, None).expect("an edit"),
         2 | 3 => {
             let triangles = moved(scene, geometry, random);
-            scene.replace_mesh(geometry, &Mesh::soup(&triangles).expect("a mesh")).expect("an edit");
+            scene
+                .replace_mesh(geometry, &Mesh::soup(&triangles).expect("a mesh"))
+                .expect("an edit");
         }
         _ => scene.replace_mesh(geometry, &mesh(random).mesh()).expect("an edit"),
     }

@@ -191,7 +191,9 @@ fn made(gpu: &Gpu, there: Option<&Buffers>, bytes: &[u64; 6]) -> Result<Buffers,
     checked(gpu, "a scene", || {
         let mut made: Vec<wgpu::Buffer> = Vec::with_capacity(NAMES.len());
         for (place, (what, &bytes)) in NAMES.iter().zip(bytes).enumerate() {
-            let kept = there.map(|there| &there[place]).filter(|own| own.size() == bytes.max(LEAST_BUFFER));
+            let kept = there
+                .map(|there| &there[place])
+                .filter(|own| own.size() == bytes.max(LEAST_BUFFER));
             made.push(match kept {
                 Some(buffer) => buffer.clone(),
                 None => gpu.buffer(what, bytes, USAGE)?,

@@ -1,6 +1,5 @@
 //! Makes the arrays of a packed scene from a scene that is built.
 
-
 use super::piece::PackedPiece;
 use super::places::{PackedPlaces, SHARED};
 use super::{
