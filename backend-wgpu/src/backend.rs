@@ -13,6 +13,7 @@ use splitplane_core::kernel::{Buffer, Kernel, QueryKernel, RayQueries, TreeBuild
 use splitplane_core::mesh::Mesh;
 use splitplane_core::points::build::{PointBuildError, PointOptions};
 use splitplane_core::report::{BackendInfo, BuildSummary};
+use splitplane_core::scene::file::SceneFile;
 use splitplane_core::scene::{Scene, SceneBuildError};
 use splitplane_core::tree::KdTree;
 use splitplane_core::tree::validate::validate_mesh_while;
@@ -374,6 +375,20 @@ impl WgpuBackend {
         let queries = Arc::clone(&self.shared.queries);
         let mut build = |mesh: &Mesh<'_>, options: &BuildOptions<'_>| self.build(mesh, options);
         WgpuScene::build(queries, scene, options, &mut build)
+    }
+
+    /// As [`Backend::load_scene`], as this backend's own type: for [`WgpuScene::bindings`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn load_wgpu_scene(
+        &self,
+        file: &SceneFile<'_>,
+        options: &LoadOptions<'_>,
+    ) -> Result<(Scene, WgpuScene), SceneBuildError> {
+        let mut built = WgpuScene::empty(Arc::clone(&self.shared.queries));
+        let scene = self.load_scene_into(&mut built, file, options)?;
+        Ok((scene, built))
     }
 
     /// As [`Backend::build_scene`], without blocking while the device builds geometries. Trees over shapes are built on the CPU, in one piece.

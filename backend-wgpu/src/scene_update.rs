@@ -187,8 +187,8 @@ impl PendingSceneUpdate {
         self.update.progress()
     }
 
-    /// Puts the update in place: see [`PendingUpdate::finish`]. Never waits for a build: while one is under way, it is [`FinishError::NotBuilt`]. All
-    /// geometries are sent again to the buffers that the scene's rays read.
+    /// Puts the update in place: see [`PendingUpdate::finish`]. Never waits for a build: while one is under way, it is [`FinishError::NotBuilt`]. The
+    /// geometries that changed are sent to the buffers that the scene's rays read.
     ///
     /// What the device refuses when they are sent is known at once, and leaves the scene to the CPU: see
     /// [`SceneAccelerator::placed_by_cpu`]. In a browser it is told later, and nothing would say so:

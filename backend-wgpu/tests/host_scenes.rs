@@ -5,12 +5,14 @@
 mod odd_rays;
 
 use odd_rays::odd;
-use splitplane_core::backend::scene::SceneAccelerator;
-use splitplane_core::backend::{Backend, BuildOptions};
+use splitplane_core::backend::scene::{SceneAccelerator, write_file};
+use splitplane_core::backend::{Backend, BuildOptions, LoadOptions};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Culling, Ray};
+use splitplane_core::scene::file::SceneFile;
 use splitplane_core::scene::{
-    IgnoredTriangle, Instance, InstanceId, Scene, SceneHit, SceneOptions, translation,
+    IgnoredTriangle, Instance, InstanceId, Scene, SceneBuildError, SceneHit, SceneOptions,
+    translation,
 };
 use splitplane_cpu::CpuBackend;
 use splitplane_shaders::{filtered_scene_traversal, scene_traversal};
@@ -293,6 +295,59 @@ fn bindings_are_those_of_the_scene_as_it_is() {
     }
     backend.update_scene(&mut built, &scene, &build).expect("an update");
     assert_eq!(check(&built), 0);
+}
+
+/// A scene from a file is bound as one that is built, and edited like it; what is wrong with a file is refused.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn a_loaded_scene_is_bound() {
+    let backend = WgpuBackend::without_selftest(open());
+    let host = Host::new(backend.gpu(), &source(false));
+    let (mut scene, names) = objects::scene(Kind::Ordinary, 30, 41);
+    objects::mask(&mut scene, 42);
+    objects::add_shapes(&mut scene, &names, 43);
+    let (build, options) = (BuildOptions::default(), SceneOptions::default());
+    let kept = CpuBackend::new().build_scene(&scene, &build).expect("a scene");
+    let bytes = write_file(kept.scene()).expect("a file");
+    let words: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes);
+    let file = SceneFile::parse(bytemuck::cast_slice(&words)).expect("a scene file");
+    let loaded = backend.load_wgpu_scene(&file, &LoadOptions::default());
+    let (mut described, mut loaded) = loaded.expect("a scene");
+    assert_eq!(loaded.placed_by_cpu(), None);
+    assert_eq!(loaded.scene().digest(), kept.scene().digest());
+    assert_eq!(described.len(), scene.len());
+    let rays = objects::rays(&scene, 300, 44);
+    let check = |loaded: &WgpuScene, right: &dyn SceneAccelerator| {
+        let hits = host.trace(&loaded.bindings().expect("bindings"), &rays, &options, false);
+        let mut expected = vec![SceneHit::MISS; rays.len()];
+        right.closest_hits(&rays, &mut expected, &options).expect("hits");
+        assert_eq!(hits, expected);
+        assert!(hits.iter().filter(|hit| hit.is_hit()).count() > 50);
+    };
+    check(&loaded, &*kept);
+    // Nothing is built for what did not change.
+    for scene in [&mut scene, &mut described] {
+        scene.move_instance(names[3], translation([0.25; 3])).expect("an edit");
+    }
+    let report = backend.update_scene(&mut loaded, &described, &build).expect("an update");
+    assert_eq!(report.geometries_built, 0);
+    check(&loaded, &*CpuBackend::new().build_scene(&scene, &build).expect("a scene"));
+
+    // The checks are those of `load_scene`.
+    let tight = LoadOptions { max_memory: Some(1), ..LoadOptions::default() };
+    let refused = |own: Result<(), SceneBuildError>, boxed: Result<(), SceneBuildError>| {
+        assert_eq!(own.unwrap_err().to_string(), boxed.unwrap_err().to_string());
+    };
+    refused(
+        backend.load_wgpu_scene(&file, &tight).map(drop),
+        backend.load_scene(&file, &tight).map(drop),
+    );
+    // Into a scene that is there; an error leaves it.
+    let digest = loaded.scene().digest();
+    assert!(backend.load_scene_into(&mut loaded, &file, &tight).is_err());
+    assert_eq!((loaded.scene().digest(), loaded.placed_by_cpu()), (digest, None));
+    backend.load_scene_into(&mut loaded, &file, &LoadOptions::default()).expect("a scene");
+    check(&loaded, &*kept);
 }
 
 /// A layout that the host states is that of the text.

@@ -156,9 +156,26 @@ pub trait Backend: Send + Sync {
     ) -> Result<(Scene, Box<dyn SceneAccelerator>), SceneBuildError> {
         let LoadOptions { max_memory, layout, watch } = *options;
         // The trees have their own configurations.
+        let empty = BuildOptions { config: BuildConfig::default(), max_memory, layout, watch };
+        let mut built = self.build_scene(&Scene::new(), &empty)?;
+        let scene = self.load_scene_into(&mut *built, file, options)?;
+        Ok((scene, built))
+    }
+
+    /// As [`Backend::load_scene`], into a scene that is there, of this backend's own type where it has one. What it was before is replaced by the file's.
+    ///
+    /// # Errors
+    /// As there; the scene is then what it was.
+    #[cfg(target_has_atomic = "ptr")]
+    fn load_scene_into(
+        &self,
+        built: &mut dyn SceneAccelerator,
+        file: &SceneFile<'_>,
+        options: &LoadOptions<'_>,
+    ) -> Result<Scene, SceneBuildError> {
+        let LoadOptions { max_memory, layout, watch } = *options;
         let options = BuildOptions { config: BuildConfig::default(), max_memory, layout, watch };
         let scene = file.to_scene()?;
-        let mut built = self.build_scene(&Scene::new(), &options)?;
         let mut trees = file.geometries().filter_map(|(_, geometry)| {
             let tree = geometry.tree()?.tree.to_tree();
             Some(tree)
@@ -169,7 +186,7 @@ pub trait Backend: Send + Sync {
             let tree = trees.next().ok_or_else(missing)?;
             self.load(mesh, tree?, &options.for_loading())
         })?;
-        Ok((scene, built))
+        Ok(scene)
     }
 }
 

@@ -79,20 +79,54 @@ fn host_accepts(ray: PreparedRay, triangle: u32, t: f32, weights: vec3<f32>) -> 
 /// `fn accept_hit(hit: SceneHit) -> bool`
 ///
 /// anywhere in the module. It is what a [`Filter`][filter] is on the CPU, with the same rule: a hit that it does not accept is as if it were not there, so among hits at the same
-/// `t` the least `(instance, triangle)` that is accepted is the answer: the CPU's hits with such a filter, bit for bit where the function computes the same. Hits in
-/// transparent cells of opacity masks are not shown to it; of spheres and capsules both ends of the ray's way through them are. It is asked only for hits that would be the best so
-/// far in their instance, in any order, and may be asked for one hit several times. It must be pure, and should be cheap. It may read the host's own bindings and private variables.
+/// `t` the least `(instance, triangle)` that is accepted is the answer: the CPU's hits with such a filter, bit for bit where the function computes the same.
+///
+/// # What it is told
+/// All fields are those of the hit as the answer would have them, bit for bit:
+///
+/// | field | of a triangle | of a sphere or capsule |
+/// |---|---|---|
+/// | `t` | the caller's, in the world; finite, within the ray's limits | the same |
+/// | `u`, `v` | weights of the second and third corner | how far along the axis, from 0 to 1; 0 |
+/// | `triangle` | its number in its mesh | the number of the shape in its set |
+/// | `geometry`, `instance` | names | names |
+///
+/// It is not told which side was hit, nor where the ray is: a host that must know the ray puts it in a private variable of its own before it calls the traversal.
+///
+/// # What is decided before
+/// Hits of instances that the masks of ray and instance exclude, on sides that are culled, of the triangle or shape that is ignored, beyond the ray's limits, and in
+/// transparent cells of opacity masks are not shown.
+///
+/// # When it is asked
+/// For hits that would be the best so far in their instance, in the order in which the ray comes to them, which is not that of `t`. What it accepts need not be the answer: a nearer hit may follow, and a hit of an
+/// instance before may precede it at the same `t`. A triangle lies in as many leaves as its box meets. So it is asked for the same hit again wherever the ray comes to a triangle that it rejected. Of a sphere or capsule both ends of the
+/// ray's way through it are shown, each once. For `scene_any_hit` it is asked until it accepts a hit. Nothing says how often it is asked: the count depends on the tree. It may have been asked about a ray whose triangle is then `UNFINISHED`.
+///
+/// # What it must be
+/// - Pure: for one ray the same hit gets the same answer each time. Otherwise the answer depends on the tree, and that of `scene_closest_hit` may not be the nearest hit.
+/// - Free of what needs uniform control flow, since the invocations of a group ask at different times: no barriers, no operations of subgroups, no derivatives. So no `textureSample`; `textureSampleLevel`, `textureSampleGrad` and `textureLoad` serve.
+/// - Without calls of the traversal, which would be recursion: WGSL has none. It may call `scene_hit_words`, `is_scene_hit` and what of the text's arithmetic only computes.
+/// - Without writes to variables of the text. The text's names are all taken. The host's own bindings and private variables may be read. What it writes must not change its answers.
+/// - Cheap: it is part of the innermost loop, and its registers count with the loop's.
 ///
 /// The text is complete with the host's function only; without it the module does not validate.
 ///
 /// [filter]: https://docs.rs/splitplane-core/latest/splitplane_core/scene/trait.Filter.html
 pub fn filtered_scene_traversal(group: u32, first_binding: u32) -> String {
     let text = scene_traversal(group, first_binding);
-    text.replace(TAKES, ASKS).replace(TAKES_SHAPE, ASKS_SHAPE) + HOST_ACCEPTS
+    replaced(&replaced(&text, TAKES, ASKS), TAKES_SHAPE, ASKS_SHAPE) + HOST_ACCEPTS
+}
+
+/// A text with one line in place of another, which it has once: the tests hold the texts to that.
+fn replaced(text: &str, from: &str, to: &str) -> String {
+    debug_assert_eq!(text.matches(from).count(), 1, "{from}");
+    text.replacen(from, to, 1)
 }
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
     use super::*;
     use crate::table::LIBRARY;
     use alloc::format;
@@ -136,6 +170,20 @@ fn accept_hit(hit: SceneHit) -> bool { return hit.triangle % 2u == 0u; }
         assert_eq!(text.matches("host_accepts(").count(), 2);
         assert_eq!(text.matches("accept_hit(").count(), 2);
         assert!(!text.contains("fn accept_hit("));
+        // Nothing else is different.
+        assert_eq!(
+            text,
+            plain.replace(TAKES, ASKS).replace(TAKES_SHAPE, ASKS_SHAPE) + HOST_ACCEPTS
+        );
+    }
+
+    /// A line that is not there, or twice, would leave the host unasked.
+    #[test]
+    fn lines_that_are_not_there_once_are_found() {
+        for text in ["", "a line, another", "line line"] {
+            let replaced = || replaced(text, "line", "other");
+            assert_eq!(std::panic::catch_unwind(replaced).is_ok(), text.len() == 15, "{text}");
+        }
     }
 
     /// A ray meets shapes as in the kernel: the same lines from there on.

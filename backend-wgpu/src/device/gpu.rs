@@ -20,6 +20,9 @@ use crate::options::OpenOptions;
 /// Polling interval for a device.
 const POLL_PAUSE: Duration = Duration::from_micros(100);
 
+/// Bytes of the least buffer.
+pub(crate) const LEAST_BUFFER: u64 = 16;
+
 /// A device, ready for work. Clones are the same device.
 #[derive(Clone, Debug)]
 pub struct Gpu {
@@ -334,7 +337,7 @@ impl Gpu {
         usage: wgpu::BufferUsages,
     ) -> Result<wgpu::Buffer, GpuError> {
         let most = self.limits.max_buffer_size;
-        let size = bytes.max(16).checked_next_multiple_of(4);
+        let size = bytes.max(LEAST_BUFFER).checked_next_multiple_of(4);
         let size = size.filter(|size| *size <= most).ok_or_else(|| GpuError::Limit {
             what: label.to_owned(),
             limit: "max_buffer_size",

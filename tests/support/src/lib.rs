@@ -8,6 +8,7 @@ pub mod aim;
 pub mod close_calls;
 pub mod clouds;
 pub mod configs;
+pub mod edits;
 pub mod exact;
 pub mod expansion;
 pub mod extremes;

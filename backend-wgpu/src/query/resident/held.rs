@@ -3,37 +3,24 @@
 use bytemuck::Pod;
 use splitplane_core::backend::scene::BuiltScene;
 use splitplane_core::backend::scene::packed::{
-    PackedInstance, PackedScene, PackedSizes, PackedTopNode, Unpackable,
+    PackedInstance, PackedPlaces, PackedScene, PackedTopNode, Unpackable,
 };
+use splitplane_core::scene::GeometryId;
 
+use super::room::{Buffers, OF_INSTANCES, Room, Sending};
 use crate::device::gpu::Gpu;
-use crate::device::halves::binding_limit;
 use crate::device::scope::checked;
 use crate::error::GpuError;
 
-/// What each buffer is, for messages.
-const NAMES: [&str; 6] = [
-    "the tree over instances",
-    "the instances",
-    "the nodes of all geometries",
-    "the references of all geometries",
-    "the triangles of all geometries",
-    "the shapes of all geometries",
-];
-/// Buffers that do not depend on geometries alone come first: these are as many.
-const OF_INSTANCES: usize = 2;
-/// What the buffers are used for.
-const USAGE: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_DST);
 /// Records that did not change, between two that did, are sent with them rather than in two pieces.
 const GAP: usize = 4;
-
-/// The buffers of a scene: nodes of the tree over instances, instances, nodes, references, corners, shapes.
-pub(super) type Buffers = [wgpu::Buffer; 6];
 
 /// A scene in the memory of a device.
 #[derive(Debug)]
 pub(super) struct HeldScene {
     pub(super) buffers: Buffers,
+    /// Where geometries lie in the others.
+    pub(super) places: PackedPlaces,
     /// What the first two hold, to see what changes.
     box_nodes: Vec<PackedTopNode>,
     instances: Vec<PackedInstance>,
@@ -45,121 +32,50 @@ pub(super) struct HeldScene {
     pub(super) has_shapes: bool,
 }
 
-/// The limit that a scene of this size exceeds, if it does.
-pub(super) fn exceeded(gpu: &Gpu, sizes: &PackedSizes) -> Option<GpuError> {
-    let (allowed, limit) = binding_limit(gpu.limits());
-    let too_long = NAMES.iter().zip(sizes.bytes()).find(|(_, needed)| *needed > allowed);
-    too_long.map(|(what, needed)| GpuError::Limit { what: (*what).into(), limit, needed, allowed })
-}
-
-/// Buffers for a scene of this size: those that are there and serve, and new ones. Nothing is written.
-///
-/// # Errors
-/// No memory on the device, or a device that fails.
-pub(super) fn reserve(
-    gpu: &Gpu,
-    old: Option<&HeldScene>,
-    sizes: &PackedSizes,
-    geometries_change: bool,
-) -> Result<Buffers, GpuError> {
-    checked(gpu, "a scene", || {
-        let mut made: Vec<wgpu::Buffer> = Vec::with_capacity(NAMES.len());
-        for (place, (what, bytes)) in NAMES.iter().zip(sizes.bytes()).enumerate() {
-            let same = place >= OF_INSTANCES && !geometries_change;
-            let serves = |buffer: &&wgpu::Buffer| same || buffer.size() >= bytes;
-            let kept = old.map(|old| &old.buffers[place]).filter(serves);
-            made.push(match kept {
-                Some(buffer) => buffer.clone(),
-                None => gpu.buffer(what, bytes, USAGE)?,
-            });
-        }
-        made.try_into().map_err(|_| GpuError::Refused("buffers of a scene".into()))
-    })
-}
-
-/// Reserved buffers, with new ones in place of those that are too small for a scene of this size.
-///
-/// # Errors
-/// As for [`reserve`].
-pub(super) fn grown(
-    gpu: &Gpu,
-    mut buffers: Buffers,
-    sizes: &PackedSizes,
-) -> Result<Buffers, GpuError> {
-    checked(gpu, "a scene", || {
-        for ((buffer, what), bytes) in buffers.iter_mut().zip(NAMES).zip(sizes.bytes()) {
-            if buffer.size() < bytes {
-                *buffer = gpu.buffer(what, bytes, USAGE)?;
-            }
-        }
-        Ok(buffers)
-    })
-}
-
 /// Bytes that were sent.
 type Sent = u64;
 
 impl HeldScene {
-    /// Sends all of a scene to buffers that are reserved for it.
+    /// Sends a scene to what is reserved for it: of the geometries all or those that changed, and of the rest what is not as in `held`.
     ///
     /// # Errors
-    /// No memory, or a device that fails.
-    pub(super) fn fill(
+    /// No memory, or a device that fails: what the buffers hold may then be neither the old scene nor the new one.
+    pub(super) fn put(
         gpu: &Gpu,
-        buffers: Buffers,
+        held: Option<&HeldScene>,
+        room: Room,
         scene: &BuiltScene,
     ) -> Result<(HeldScene, Sent), GpuError> {
-        let packed = scene.packed().map_err(unpackable)?;
-        let PackedScene { box_nodes, instances, nodes, references, triangles, shapes } = packed;
-        let parts: [&[u8]; 6] = [
-            bytemuck::cast_slice(&box_nodes),
-            bytemuck::cast_slice(&instances),
-            bytemuck::cast_slice(&nodes),
-            bytemuck::cast_slice(&references),
-            bytemuck::cast_slice(&triangles),
-            bytemuck::cast_slice(&shapes),
-        ];
-        checked(gpu, "the upload of a scene", || {
-            buffers.iter().zip(parts).for_each(|(buffer, bytes)| gpu.write(buffer, 0, bytes));
-            Ok(())
-        })?;
-        let sent = parts.iter().map(|bytes| bytes.len() as u64).sum();
-        let (way, masked, has_shapes) = (way(scene), scene.has_opacity(), scene.has_shapes());
-        Ok((HeldScene { buffers, box_nodes, instances, way, masked, has_shapes }, sent))
-    }
-
-    /// Sends what changed of instances, and of the tree over them. The geometries are those that were sent.
-    ///
-    /// # Errors
-    /// No memory, or a device that fails: what it holds may then be neither the old scene nor the new one.
-    pub(super) fn refresh(
-        &mut self,
-        gpu: &Gpu,
-        buffers: Buffers,
-        scene: &BuiltScene,
-    ) -> Result<Sent, GpuError> {
-        let mut packed = PackedScene::default();
-        scene.pack_instances(&mut packed).map_err(unpackable)?;
-        let moved = [0, 1].map(|place| buffers[place] != self.buffers[place]);
-        if moved[0] {
-            self.box_nodes.clear();
-        }
-        if moved[1] {
-            self.instances.clear();
-        }
-        let sent = checked(gpu, "what changed of a scene", || {
-            Ok(send_changes(gpu, &buffers[0], &self.box_nodes, &packed.box_nodes)
-                + send_changes(gpu, &buffers[1], &self.instances, &packed.instances))
-        })?;
-        *self = HeldScene {
-            buffers,
-            box_nodes: packed.box_nodes,
-            instances: packed.instances,
-            way: way(scene),
-            masked: scene.has_opacity(),
-            has_shapes: scene.has_shapes(),
+        let Room { buffers, sending } = room;
+        let (places, sent) = match sending {
+            Sending::All => {
+                let places = PackedPlaces::of(scene).map_err(unpackable)?;
+                let names = scene.geometries().map(|(name, _)| name);
+                let sent = send_geometries(gpu, &buffers, scene, &places, names)?;
+                (places, sent)
+            }
+            Sending::Changed { places, geometries } => {
+                if let Some(held) = held {
+                    copy_grown(gpu, &held.buffers, &buffers)?;
+                }
+                let names = geometries.into_iter();
+                let sent = send_geometries(gpu, &buffers, scene, &places, names)?;
+                (places, sent)
+            }
         };
-        Ok(sent)
+        let mut packed = PackedScene::default();
+        scene.pack_instances(&mut packed, &places).map_err(unpackable)?;
+        let PackedScene { box_nodes, instances, .. } = packed;
+        let was = |place: usize| held.filter(|held| held.buffers[place] == buffers[place]);
+        let of_instances = checked(gpu, "what changed of a scene", || {
+            let nodes_were = was(0).map_or(&[][..], |held| &held.box_nodes);
+            let instances_were = was(1).map_or(&[][..], |held| &held.instances);
+            Ok(send_changes(gpu, &buffers[0], nodes_were, &box_nodes)
+                + send_changes(gpu, &buffers[1], instances_were, &instances))
+        })?;
+        let (way, masked, has_shapes) = (way(scene), scene.has_opacity(), scene.has_shapes());
+        let own = HeldScene { buffers, places, box_nodes, instances, way, masked, has_shapes };
+        Ok((own, sent + of_instances))
     }
 
     /// Bytes on the device.
@@ -184,6 +100,45 @@ fn way(scene: &BuiltScene) -> u32 {
         [] => 0,
         _ => scene.top_tree().depth() as u32 + 3,
     }
+}
+
+/// Copies what is on the device from the buffers of geometries that are replaced to the larger ones that replace them.
+fn copy_grown(gpu: &Gpu, from: &Buffers, to: &Buffers) -> Result<(), GpuError> {
+    let pairs = || from.iter().zip(to).skip(OF_INSTANCES).filter(|(from, to)| from != to);
+    if pairs().next().is_none() {
+        return Ok(());
+    }
+    checked(gpu, "a scene that grows", || {
+        let mut encoder = gpu.device().create_command_encoder(&Default::default());
+        for (from, to) in pairs() {
+            encoder.copy_buffer_to_buffer(from, 0, to, 0, from.size().min(to.size()));
+        }
+        gpu.submit([encoder.finish()])?;
+        Ok(())
+    })
+}
+
+/// Sends geometries to their places, one after the other.
+fn send_geometries(
+    gpu: &Gpu,
+    buffers: &Buffers,
+    scene: &BuiltScene,
+    places: &PackedPlaces,
+    names: impl Iterator<Item = GeometryId>,
+) -> Result<Sent, GpuError> {
+    checked(gpu, "the geometries of a scene", || {
+        let mut sent = 0;
+        for name in names {
+            let piece = scene.packed_piece(name, places).map_err(unpackable)?;
+            for (buffer, (at, bytes)) in buffers[OF_INSTANCES..].iter().zip(piece.parts()) {
+                if !bytes.is_empty() {
+                    gpu.write(buffer, at, bytes);
+                    sent += bytes.len() as u64;
+                }
+            }
+        }
+        Ok(sent)
+    })
 }
 
 /// Sends the records that are not those of before. Returns the bytes.

@@ -4,9 +4,8 @@ use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::Arc;
 
-use splitplane_core::backend::scene::packed::PackedSizes;
 use splitplane_core::backend::scene::{
-    Becoming, BuildGeometry, BuiltScene, SceneAccelerator, SceneAnswer, SceneClosestPoint,
+    BuildGeometry, BuiltScene, SceneAccelerator, SceneAnswer, SceneClosestPoint,
     SceneClosestPointOptions, SceneOverlapOptions, SceneOverlaps, UpdateReport,
 };
 use splitplane_core::backend::{Accelerator, BuildOptions};
@@ -19,8 +18,9 @@ use splitplane_core::report::QueryReport;
 use splitplane_core::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport};
 
 use super::bindings::SceneBindings;
-use super::held::{Buffers, HeldScene, exceeded, grown, reserve};
+use super::held::HeldScene;
 use super::near;
+use super::room::Room;
 use super::waves::{WaveMemory, Waves};
 use crate::device::wait::{Wait, blocking};
 use crate::error::GpuError;
@@ -45,9 +45,6 @@ pub struct WgpuScene {
 
 /// Why a device holds nothing of a scene whose update was dropped.
 const UNTOLD: &str = "its last update was dropped before the device told whether it took the scene; the next one sends all again";
-
-/// What is reserved on the device for a scene that is going to be.
-type Reserved = Result<Buffers, String>;
 
 impl WgpuScene {
     /// Builds a scene.
@@ -228,39 +225,6 @@ impl WgpuScene {
     }
 }
 
-/// Reserves room on the device for what a scene is going to be, or says why it will not be there.
-fn make_room(
-    queries: &Queries,
-    old: Option<&HeldScene>,
-    becoming: &Becoming,
-    options: &BuildOptions<'_>,
-) -> Result<Reserved, SceneBuildError> {
-    if let Some(reason) = becoming.host_only {
-        return Ok(Err(reason.into()));
-    }
-    let Becoming { sizes, geometries_change, held, .. } = becoming;
-    if let Some(reason) = too_large(queries, sizes, *held, options) {
-        return Ok(Err(reason));
-    }
-    reserve(queries.gpu(), old, sizes, *geometries_change || old.is_none()).map(Ok).map_err(failed)
-}
-
-/// Why a scene of this size is not going to be on the device. `held` are the bytes that are held besides.
-fn too_large(
-    queries: &Queries,
-    sizes: &PackedSizes,
-    held: u64,
-    options: &BuildOptions<'_>,
-) -> Option<String> {
-    if let Some(limit) = exceeded(queries.gpu(), sizes) {
-        return Some(limit.to_string());
-    }
-    let bytes: u64 = sizes.bytes().iter().sum();
-    let needed = held.saturating_add(bytes);
-    let limit = options.max_memory.filter(|limit| needed > *limit)?;
-    Some(format!("with the scene on the device it takes {needed} bytes, and {limit} are allowed"))
-}
-
 fn failed(error: GpuError) -> SceneBuildError {
     match BuildError::from(error) {
         BuildError::Device(error) => SceneBuildError::Device(error),
@@ -287,45 +251,26 @@ impl SceneAccelerator for WgpuScene {
         build: &mut BuildGeometry<'_>,
     ) -> Result<UpdateReport, SceneBuildError> {
         let WgpuScene { built, queries, held, .. } = self;
-        let mut reserved: Reserved = Err(String::new());
-        let mut anew = held.is_err();
+        let (gpu, limit) = (queries.gpu(), options.max_memory);
+        let mut room: Result<Room, String> = Err(String::new());
         let mut report = built.update_after(scene, options, build, &mut |becoming| {
-            anew |= becoming.geometries_change;
-            reserved = make_room(queries, held.as_ref().ok(), becoming, options)?;
+            room = Room::reserve(gpu, held.as_ref().ok(), becoming, limit).map_err(failed)?;
             Ok(())
         })?;
-        if let Some(reason) = built.host_only() {
-            *held = Err(reason.into());
-            return Ok(report);
-        }
-        let gpu = queries.gpu();
-        // A worn tree over instances was built anew since, and may have more nodes. The scene is updated: what fails here
-        // leaves it to the CPU.
-        let sizes = built.packed_sizes();
-        let reserved =
-            reserved.and_then(|buffers| match too_large(queries, &sizes, built.bytes(), options) {
-                Some(reason) => Err(reason),
-                None => grown(gpu, buffers, &sizes).map_err(|error| error.to_string()),
-            });
-        let sent = match (reserved, &mut *held) {
-            (Err(reason), _) => Err(reason),
-            (Ok(buffers), Ok(held)) if !anew => held
-                .refresh(gpu, buffers, built)
-                .map(|sent| (None, sent))
-                .map_err(|e| e.to_string()),
-            (Ok(buffers), _) => HeldScene::fill(gpu, buffers, built)
-                .map(|(held, sent)| (Some(held), sent))
-                .map_err(|e| e.to_string()),
+        // The scene is updated: what fails from here on leaves it to the CPU.
+        let sent = match built.host_only() {
+            Some(reason) => Err(reason.into()),
+            None => room
+                .and_then(|room| room.grown(gpu, &built.packed_sizes(), built.bytes(), limit))
+                .and_then(|room| {
+                    let put = HeldScene::put(gpu, held.as_ref().ok(), room, built);
+                    put.map_err(|error| error.to_string())
+                }),
         };
-        match sent {
-            Ok((new, sent)) => {
-                if let Some(new) = new {
-                    *held = Ok(new);
-                }
-                report.bytes_sent = sent;
-            }
-            Err(reason) => *held = Err(reason),
-        }
+        *held = sent.map(|(new, sent)| {
+            report.bytes_sent = sent;
+            new
+        });
         Ok(report)
     }
 

@@ -41,5 +41,5 @@ pub use overlap::{SceneOverlapOptions, SceneOverlaps, SceneTriangle};
 pub use pending::{FinishError, PendingUpdate};
 pub use shared::SharedGeometry;
 pub use spares::SceneUpdater;
-pub use update::{Becoming, TopUpdate, UpdateReport};
+pub use update::{Becoming, GeometryChange, TopUpdate, UpdateReport};
 pub use write_file::{SceneWriteError, write_file};

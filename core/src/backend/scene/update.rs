@@ -47,18 +47,28 @@ pub struct UpdateReport {
     /// Nodes of that tree that have new boxes.
     pub top_nodes_changed: u64,
     /// Bytes that were sent to a device besides the geometries' own trees: what changed of instances and of the tree over
-    /// them, and of geometries all, where one of them is new or gone.
+    /// them, and of geometries those that are new or changed. All of them are sent where the scene was not on the device, or where more than half of the
+    /// room there was free or had no place for what changed.
     pub bytes_sent: u64,
+}
+
+/// A geometry that an update makes, replaces, gives another opacity mask, or drops.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GeometryChange {
+    /// Which.
+    pub geometry: GeometryId,
+    /// What it is going to have of the arrays of the packed scene; `None` for one that is dropped.
+    pub sizes: Option<PackedSizes>,
 }
 
 /// What a scene is going to be when an update ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct Becoming {
+pub struct Becoming<'a> {
     /// How long the arrays of its packed form are. If the tree over instances turns out worn, it may have other nodes in the end.
     pub sizes: PackedSizes,
-    /// Whether geometries are built or dropped.
-    pub geometries_change: bool,
+    /// Geometries that change, in the order of their names. All others, and their opacity masks, stay what they are.
+    pub changes: &'a [GeometryChange],
     /// Bytes that the old scene and the new geometries hold together.
     pub held: u64,
     /// What [`BuiltScene::host_only`] is going to say: with a reason there, a device needs no room.
@@ -124,7 +134,7 @@ impl BuiltScene {
         options: &BuildOptions<'_>,
         build: &mut BuildGeometry<'_>,
     ) -> Result<UpdateReport, SceneBuildError> {
-        self.update_after(scene, options, build, &mut |_| Ok(()))
+        self.update_planned(scene, options, build, |_, _, _| Ok(()))
     }
 
     /// [`BuiltScene::update`] for a backend that holds the scene elsewhere too: `reserve` is called when all that can fail is done and
@@ -137,7 +147,20 @@ impl BuiltScene {
         scene: &Scene,
         options: &BuildOptions<'_>,
         build: &mut BuildGeometry<'_>,
-        reserve: &mut dyn FnMut(&Becoming) -> Result<(), SceneBuildError>,
+        reserve: &mut dyn FnMut(&Becoming<'_>) -> Result<(), SceneBuildError>,
+    ) -> Result<UpdateReport, SceneBuildError> {
+        self.update_planned(scene, options, build, |own, plan, rebuilt| {
+            reserve(&own.becoming(scene, plan, rebuilt, &own.changes(scene, plan)?))
+        })
+    }
+
+    /// Updates, and calls `reserve` with the plan and the new tree over instances when all that can fail is done.
+    fn update_planned(
+        &mut self,
+        scene: &Scene,
+        options: &BuildOptions<'_>,
+        build: &mut BuildGeometry<'_>,
+        reserve: impl FnOnce(&BuiltScene, &Plan, Option<&TopTree>) -> Result<(), SceneBuildError>,
     ) -> Result<UpdateReport, SceneBuildError> {
         let mut plan = self.build_geometries(scene, options, build)?;
         plan.go_on(options)?;
@@ -146,7 +169,7 @@ impl BuiltScene {
         let rebuilt = self.rebuilt_top(scene, &plan, options)?;
         make_room(&mut self.geometries, scene.geometry_names())?;
         make_room(&mut self.placements, scene.instance_names())?;
-        reserve(&self.becoming(scene, &plan, rebuilt.as_ref()))?;
+        reserve(self, &plan, rebuilt.as_ref())?;
 
         // Nothing fails from here on, but for a worn tree that is then kept.
         let Plan { geometries, placements, mut report } = plan;
@@ -196,15 +219,46 @@ impl BuiltScene {
         Ok(report)
     }
 
-    /// What the scene is going to be.
-    fn becoming(&self, scene: &Scene, plan: &Plan, rebuilt: Option<&TopTree>) -> Becoming {
+    /// The geometries that change, in the order of their names.
+    fn changes(&self, scene: &Scene, plan: &Plan) -> Result<Vec<GeometryChange>, SceneBuildError> {
+        let opacity = |name| scene.opacity(name).ok().flatten();
+        let mut changes = Vec::new();
+        for (geometry, new) in &plan.geometries {
+            let opacity = opacity(*geometry).map(|mask| &**mask);
+            let sizes = new.as_ref().map(|own| PackedSizes::default().and(own, opacity));
+            push(&mut changes, GeometryChange { geometry: *geometry, sizes })?;
+        }
+        for (geometry, own) in self.kept(plan) {
+            let new = opacity(geometry);
+            if own.opacity.as_ref().map(Arc::as_ptr) != new.map(Arc::as_ptr) {
+                let sizes = Some(PackedSizes::default().and(own, new.map(|mask| &**mask)));
+                push(&mut changes, GeometryChange { geometry, sizes })?;
+            }
+        }
+        changes.sort_unstable_by_key(|change| change.geometry);
+        Ok(changes)
+    }
+
+    /// Geometries that are neither replaced nor dropped.
+    fn kept<'a>(
+        &'a self,
+        plan: &'a Plan,
+    ) -> impl Iterator<Item = (GeometryId, &'a BuiltGeometry)> + 'a {
         let planned = |name| plan.geometries.binary_search_by_key(&name, |&(name, _)| name).is_ok();
-        let kept = || self.geometries().filter(|(name, _)| !planned(*name));
+        self.geometries().filter(move |(name, _)| !planned(*name))
+    }
+
+    /// What the scene is going to be.
+    fn becoming<'a>(
+        &self,
+        scene: &Scene,
+        plan: &Plan,
+        rebuilt: Option<&TopTree>,
+        changes: &'a [GeometryChange],
+    ) -> Becoming<'a> {
+        let kept = || self.kept(plan);
         let new = plan.geometries.iter().filter_map(|(name, own)| Some((*name, own.as_ref()?)));
         let opacity = |name| scene.opacity(name).ok().flatten();
-        let remasked = |(name, own): (_, &BuiltGeometry)| {
-            own.opacity.as_ref().map(Arc::as_ptr) != opacity(name).map(Arc::as_ptr)
-        };
         let sizes = PackedSizes {
             top_nodes: rebuilt.unwrap_or(&self.top).nodes().len(),
             instances: self.placements.len(),
@@ -214,7 +268,7 @@ impl BuiltScene {
         let has_own_shapes = kept().chain(new.clone()).any(|(_, own)| own.has_own_shapes());
         Becoming {
             host_only: host_only(has_own_shapes),
-            geometries_change: !plan.geometries.is_empty() || kept().any(remasked),
+            changes,
             sizes: kept().chain(new).fold(sizes, |sizes, (name, own)| {
                 sizes.and(own, opacity(name).map(|mask| &**mask))
             }),

@@ -3,9 +3,12 @@
 //! Devices bind few buffers, so what each instance needs of its geometry stands in its own record, and the geometries'
 //! nodes, references and corners lie one behind the other: a node names its child, a leaf its references and a reference
 //! its triangle by places in these arrays, so that a ray in an instance needs no other number than the place of a root.
+//! A geometry that changes goes to a range of each array that is free ([`PackedPlaces`], [`PackedPiece`]), and the others stay where they are.
 //! [`PackedScene::trace`] is the serial reference of the kernels that go through it.
 
 mod pack;
+mod piece;
+mod places;
 mod trace;
 
 use alloc::vec::Vec;
@@ -17,6 +20,8 @@ use crate::tree::node::KdNode;
 use crate::triangle::Triangle;
 
 pub use pack::{PackedSizes, Unpackable};
+pub use piece::PackedPiece;
+pub use places::PackedPlaces;
 
 /// A child of a packed node that every ray enters; the other bits are as in
 /// [`TopNode::children`](crate::scene::TopNode::children).

@@ -1,7 +1,7 @@
 //! Makes the arrays of a packed scene from a scene that is built.
 
-use alloc::vec::Vec;
-
+use super::piece::PackedPiece;
+use super::places::{PackedPlaces, SHARED};
 use super::{
     ALWAYS, BOX_COORDINATE_MOST, MIRRORED, MOST_TOP_NODES, PackedInstance, PackedScene,
     PackedTopNode, SHAPES, ShapeBlock,
@@ -24,6 +24,11 @@ pub enum Unpackable {
     Memory {
         /// Bytes of all of them.
         needed: u64,
+    },
+    /// A geometry that is not in the scene, or whose place is not of its size.
+    NoPlace {
+        /// Its name.
+        geometry: u32,
     },
     /// Something that only the host answers; see [`BuiltScene::host_only`].
     HostOnly(&'static str),
@@ -68,6 +73,11 @@ impl PackedSizes {
         ]
     }
 
+    /// Of the arrays that geometries share.
+    pub(super) fn shared(&self) -> [usize; SHARED] {
+        [self.nodes, self.references, self.triangles, self.shapes]
+    }
+
     /// With a geometry more, which has this opacity mask.
     #[must_use]
     pub(in crate::backend::scene) fn and(
@@ -86,7 +96,7 @@ impl PackedSizes {
         self
     }
 
-    fn check(&self) -> Result<(), Unpackable> {
+    pub(super) fn check(&self) -> Result<(), Unpackable> {
         let most = [
             ("nodes of geometries", self.nodes, KdNode::MAX_INDEX as usize),
             ("references of geometries", self.references, SHAPES as usize - 1),
@@ -110,9 +120,6 @@ pub(super) const OPACITY_HEAD: usize = 2;
 /// Shapes of a block.
 const SHAPES_A_BLOCK: usize = 8;
 
-/// Where the geometries of a scene lie in the shared arrays, by name: the first node, reference, triangle and block of shapes.
-type Places = Vec<[u32; 4]>;
-
 impl BuiltScene {
     /// How long the arrays of the packed scene are.
     pub fn packed_sizes(&self) -> PackedSizes {
@@ -124,7 +131,7 @@ impl BuiltScene {
         self.geometries().fold(own, |sizes, (_, geometry)| sizes.and(geometry, geometry.opacity()))
     }
 
-    /// The whole scene as a device holds it.
+    /// The whole scene as a device holds it, one geometry behind the other in the order of their names.
     ///
     /// # Errors
     /// No memory, more than can be named, or something that only the host answers.
@@ -135,29 +142,49 @@ impl BuiltScene {
         let sizes = self.packed_sizes();
         sizes.check()?;
         let mut packed = PackedScene::default();
-        let needed = sizes.bytes().iter().sum();
-        let lacking = |_| Unpackable::Memory { needed };
-        packed.nodes.try_reserve_exact(sizes.nodes).map_err(lacking)?;
-        packed.references.try_reserve_exact(sizes.references).map_err(lacking)?;
-        packed.triangles.try_reserve_exact(sizes.triangles).map_err(lacking)?;
-        packed.shapes.try_reserve_exact(sizes.shapes).map_err(lacking)?;
+        packed.reserve(&sizes)?;
         for (_, geometry) in self.geometries() {
-            packed.append(geometry);
+            packed.append(geometry, packed.lengths());
         }
-        self.pack_instances(&mut packed)?;
+        self.pack_instances(&mut packed, &PackedPlaces::of(self)?)?;
         Ok(packed)
     }
 
-    /// Makes the tree over instances and the instances of a packed scene anew: all that depends on where instances are.
+    /// What a geometry has of the shared arrays, for the places that are given.
+    ///
+    /// # Errors
+    /// No memory, a geometry that the scene does not have, or one that has no place of its size.
+    pub fn packed_piece(
+        &self,
+        geometry: GeometryId,
+        places: &PackedPlaces,
+    ) -> Result<PackedPiece, Unpackable> {
+        let missing = Unpackable::NoPlace { geometry: geometry.0 };
+        let own = self.geometry(geometry).ok_or(missing)?;
+        let sizes = PackedSizes::default().and(own, own.opacity());
+        let firsts = places.firsts(geometry).ok_or(missing)?;
+        if places.counts(geometry) != Some(sizes.shared()) {
+            return Err(missing);
+        }
+        let mut arrays = PackedScene::default();
+        arrays.reserve(&sizes)?;
+        arrays.append(own, firsts);
+        Ok(PackedPiece { firsts, arrays })
+    }
+
+    /// Makes the tree over instances and the instances of a packed scene anew: all that depends on where instances are, and on where geometries lie.
     ///
     /// # Errors
     /// As for [`BuiltScene::packed`].
-    pub fn pack_instances(&self, packed: &mut PackedScene) -> Result<(), Unpackable> {
+    pub fn pack_instances(
+        &self,
+        packed: &mut PackedScene,
+        places: &PackedPlaces,
+    ) -> Result<(), Unpackable> {
         let sizes = self.packed_sizes();
         sizes.check()?;
         let needed = sizes.bytes()[..2].iter().sum();
         let lacking = |_| Unpackable::Memory { needed };
-        let places = self.places().ok_or(Unpackable::Memory { needed })?;
         packed.box_nodes.clear();
         packed.box_nodes.try_reserve_exact(sizes.top_nodes).map_err(lacking)?;
         packed.box_nodes.extend(self.top.nodes().iter().map(PackedTopNode::from));
@@ -165,29 +192,16 @@ impl BuiltScene {
         packed.instances.try_reserve_exact(sizes.instances).map_err(lacking)?;
         packed.instances.extend((0..sizes.instances as u32).map(|name| {
             let placement = self.placement(InstanceId(name));
-            placement.and_then(|own| self.packed_instance(own, &places)).unwrap_or(NOWHERE)
+            placement.and_then(|own| self.packed_instance(own, places)).unwrap_or(NOWHERE)
         }));
         Ok(())
     }
 
-    fn places(&self) -> Option<Places> {
-        let mut places = Places::new();
-        places.try_reserve_exact(self.geometries.len()).ok()?;
-        let mut next = PackedSizes::default();
-        for geometry in &self.geometries {
-            let firsts = [next.nodes, next.references, next.triangles, next.shapes];
-            places.push(firsts.map(|at| at as u32));
-            if let Some(geometry) = geometry {
-                next = next.and(geometry, geometry.opacity());
-            }
-        }
-        Some(places)
-    }
-
-    fn packed_instance(&self, own: &Placement, places: &Places) -> Option<PackedInstance> {
+    fn packed_instance(&self, own: &Placement, places: &PackedPlaces) -> Option<PackedInstance> {
         let name: GeometryId = own.instance.geometry;
         let geometry = self.geometry(name)?;
-        let [root, reference, first_triangle, block] = *places.get(name.0 as usize)?;
+        let firsts = places.firsts(name)?;
+        let [root, reference, first_triangle, block] = firsts.map(|first| first as u32);
         let behind = reference + geometry.accelerator.tree().references.len() as u32;
         let shapes = geometry.shapes().map(|own| own.tree().nodes().len()).filter(|own| *own > 0);
         let scale = SceneUniform::from(geometry.scale());
@@ -232,11 +246,25 @@ const NOWHERE: PackedInstance = PackedInstance {
 };
 
 impl PackedScene {
-    /// Adds a geometry behind the others; there is room for it.
-    fn append(&mut self, geometry: &BuiltGeometry) {
+    /// How long the arrays that geometries share are.
+    pub(super) fn lengths(&self) -> [usize; SHARED] {
+        [self.nodes.len(), self.references.len(), self.triangles.len(), self.shapes.len()]
+    }
+
+    /// Makes room in these arrays.
+    fn reserve(&mut self, sizes: &PackedSizes) -> Result<(), Unpackable> {
+        let needed = sizes.bytes()[2..].iter().sum();
+        let lacking = |_| Unpackable::Memory { needed };
+        self.nodes.try_reserve_exact(sizes.nodes).map_err(lacking)?;
+        self.references.try_reserve_exact(sizes.references).map_err(lacking)?;
+        self.triangles.try_reserve_exact(sizes.triangles).map_err(lacking)?;
+        self.shapes.try_reserve_exact(sizes.shapes).map_err(lacking)
+    }
+
+    /// Adds a geometry behind what is there, as it is where it begins at these places; there is room for it.
+    fn append(&mut self, geometry: &BuiltGeometry, firsts: [usize; SHARED]) {
         let tree = geometry.accelerator.tree();
-        let [node, reference, triangle] =
-            [self.nodes.len(), self.references.len(), self.triangles.len()].map(|at| at as u32);
+        let [node, reference, triangle, block] = firsts.map(|first| first as u32);
         self.nodes.extend(tree.nodes.iter().map(|own| match own.kind() {
             NodeKind::Interior { right, .. } => own.with_right(node + right),
             NodeKind::Leaf { first, count } => KdNode::leaf(reference + first, count),
@@ -249,7 +277,7 @@ impl PackedScene {
             self.references.extend(mask.words());
         }
         if let Some(own) = geometry.shapes() {
-            self.append_shapes(own);
+            self.append_shapes(own, block);
         }
         let mesh = geometry.mesh.mesh();
         self.triangles.extend((0..mesh.len()).map(|own| prepare(&mesh.triangle(own)).corners));
@@ -257,9 +285,8 @@ impl PackedScene {
 }
 
 impl PackedScene {
-    /// Adds a set of shapes behind the others; there is room for it.
-    fn append_shapes(&mut self, set: &ShapeTree) {
-        let root = self.shapes.len() as u32;
+    /// The same of a set of shapes.
+    fn append_shapes(&mut self, set: &ShapeTree, root: u32) {
         self.shapes.extend(set.tree().nodes().iter().map(|node| {
             let mut packed = PackedTopNode::from(node);
             for child in &mut packed.children {
