@@ -101,7 +101,8 @@ fn traced(accelerator: &dyn SceneAccelerator, rays: &[Ray]) -> Vec<[u32; 6]> {
 
 /// How many trees a scene has.
 fn trees(built: &dyn SceneAccelerator) -> usize {
-    let trees = built.scene().geometries().map(|(_, own)| core::ptr::from_ref(own.accelerator().tree()));
+    let trees =
+        built.scene().geometries().map(|(_, own)| core::ptr::from_ref(own.accelerator().tree()));
     trees.collect::<std::collections::BTreeSet<_>>().len()
 }
 

@@ -360,7 +360,9 @@ mod tests {
             assert_eq!(after, by_cpu(&scene));
             assert_ne!(after, before);
             assert_eq!(built.bytes_on_device(), 0);
-            assert!(matches!(built.bindings(), Err(GpuError::NotHeld(told)) if Some(&told) == reason.as_ref()));
+            assert!(
+                matches!(built.bindings(), Err(GpuError::NotHeld(told)) if Some(&told) == reason.as_ref())
+            );
             let mut hits = vec![SceneHit::MISS; rays.len()];
             let asked = pollster::block_on(built.closest_hits_async(&rays, &mut hits, &query));
             assert!(asked.unwrap_err().to_string().contains("dropped"));

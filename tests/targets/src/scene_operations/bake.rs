@@ -106,9 +106,8 @@ pub(super) fn bake(source: &mut Source<'_>, run: &mut Run<'_>) {
     let full = groups.iter().filter(|group| !group.is_empty()).count();
     // Three corners and three indices a triangle, and what the table says that it takes.
     let needed = (triangles * 48 + full * 32 + instances * 12) as u64;
-    let is_known = |flaw: &BakeError| {
-        !matches!(flaw, BakeError::Scene(_) | BakeError::Twice { .. })
-    };
+    let is_known =
+        |flaw: &BakeError| !matches!(flaw, BakeError::Scene(_) | BakeError::Twice { .. });
     if needed > 0 && flaws.iter().all(is_known) {
         assert_eq!(run.scene.baked_bytes(&slices), Ok(needed));
         let limit = source.pick(&[needed - 1, needed / 2, 0]);

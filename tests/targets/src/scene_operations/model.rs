@@ -42,9 +42,8 @@ impl Model {
                 let own = mesh.triangle(triangle);
                 let pairs = own.iter().flatten().zip(corners.iter().flatten());
                 // Which bits a NaN has that comes from arithmetic, nobody says.
-                let same = |(a, b): (&f32, &f32)| {
-                    a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan()
-                };
+                let same =
+                    |(a, b): (&f32, &f32)| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan();
                 assert!(pairs.clone().all(same), "geometry {}: {own:?} {corners:?}", name.0);
             }
         }

@@ -22,7 +22,8 @@ pub(super) fn is_of_limit(error: &SceneBuildError, limit: u64) -> bool {
     match *error {
         SceneBuildError::OutOfMemory { needed, limit: told }
         | SceneBuildError::Geometry {
-            error: BuildError::OutOfMemory { needed, limit: told }, ..
+            error: BuildError::OutOfMemory { needed, limit: told },
+            ..
         } => told == limit && needed > limit,
         _ => false,
     }
