@@ -60,7 +60,7 @@ impl HeldScene {
                 }
                 let sent = send_geometries(gpu, &buffers, scene, &places, &geometries)?;
                 scene.pack_instances(&mut packed, &places).map_err(unpackable)?;
-                (places, sent)
+                (*places, sent)
             }
         };
         let PackedScene { box_nodes, instances, .. } = packed;
