@@ -161,7 +161,7 @@ fn run(seed: u64, fault: Option<Fault>, seen: &mut Seen) -> Result<(), String> {
     let (cpu, options) = (CpuBackend::new(), BuildOptions::default());
     let mut random = Random::new(seed);
     let (mut scene, names) = objects::scene(Kind::Ordinary, 12, seed);
-    if seed % 2 == 0 {
+    if seed.is_multiple_of(2) {
         objects::add_shapes(&mut scene, &names, seed);
     }
     let (mut built, mut mirror) = (BuiltScene::default(), Mirror::default());

@@ -252,7 +252,7 @@ fn hits_after_random_edits_are_those_of_all_instances() {
     for seed in 0..if long { 100 } else { 3 } {
         let mut random = Random::new(7000 + seed);
         let (mut scene, names) = objects::scene(Kind::Ordinary, 12, seed);
-        if seed % 2 == 0 {
+        if seed.is_multiple_of(2) {
             objects::add_shapes(&mut scene, &names, seed);
         }
         for step in 0..40 {
@@ -261,7 +261,7 @@ fn hits_after_random_edits_are_those_of_all_instances() {
             all_again += usize::from(report.bytes_sent >= world.all());
             let rays = objects::rays(&scene, 48, seed ^ step << 8);
             hits += world.check(&rays);
-            if step % 4 == 0 {
+            if step.is_multiple_of(4) {
                 let held = world.read_back();
                 for ray in &rays {
                     let all: SceneHit =

@@ -47,24 +47,22 @@ impl HeldScene {
         scene: &BuiltScene,
     ) -> Result<(HeldScene, Sent), GpuError> {
         let Room { buffers, sending } = room;
+        let mut packed = PackedScene::default();
         let (places, sent) = match sending {
             Sending::All => {
-                let places = PackedPlaces::of(scene).map_err(unpackable)?;
-                let names = scene.geometries().map(|(name, _)| name);
-                let sent = send_geometries(gpu, &buffers, scene, &places, names)?;
-                (places, sent)
+                packed = scene.packed().map_err(unpackable)?;
+                let sent = send_all(gpu, &buffers, &packed)?;
+                (PackedPlaces::of(scene).map_err(unpackable)?, sent)
             }
             Sending::Changed { places, geometries } => {
                 if let Some(held) = held {
                     copy_grown(gpu, &held.buffers, &buffers)?;
                 }
-                let names = geometries.into_iter();
-                let sent = send_geometries(gpu, &buffers, scene, &places, names)?;
-                (places, sent)
+                let sent = send_geometries(gpu, &buffers, scene, &places, &geometries)?;
+                scene.pack_instances(&mut packed, &places).map_err(unpackable)?;
+                (*places, sent)
             }
         };
-        let mut packed = PackedScene::default();
-        scene.pack_instances(&mut packed, &places).map_err(unpackable)?;
         let PackedScene { box_nodes, instances, .. } = packed;
         let was = |place: usize| held.filter(|held| held.buffers[place] == buffers[place]);
         let of_instances = checked(gpu, "what changed of a scene", || {
@@ -118,17 +116,32 @@ fn copy_grown(gpu: &Gpu, from: &Buffers, to: &Buffers) -> Result<(), GpuError> {
     })
 }
 
+/// Sends all geometries at once: pieces would be many where geometries are small.
+fn send_all(gpu: &Gpu, buffers: &Buffers, packed: &PackedScene) -> Result<Sent, GpuError> {
+    let parts: [&[u8]; 4] = [
+        bytemuck::cast_slice(&packed.nodes),
+        bytemuck::cast_slice(&packed.references),
+        bytemuck::cast_slice(&packed.triangles),
+        bytemuck::cast_slice(&packed.shapes),
+    ];
+    checked(gpu, "the geometries of a scene", || {
+        let pairs = buffers[OF_INSTANCES..].iter().zip(parts);
+        pairs.for_each(|(buffer, bytes)| gpu.write(buffer, 0, bytes));
+        Ok(parts.iter().map(|bytes| bytes.len() as u64).sum())
+    })
+}
+
 /// Sends geometries to their places, one after the other.
 fn send_geometries(
     gpu: &Gpu,
     buffers: &Buffers,
     scene: &BuiltScene,
     places: &PackedPlaces,
-    names: impl Iterator<Item = GeometryId>,
+    names: &[GeometryId],
 ) -> Result<Sent, GpuError> {
     checked(gpu, "the geometries of a scene", || {
         let mut sent = 0;
-        for name in names {
+        for &name in names {
             let piece = scene.packed_piece(name, places).map_err(unpackable)?;
             for (buffer, (at, bytes)) in buffers[OF_INSTANCES..].iter().zip(piece.parts()) {
                 if !bytes.is_empty() {

@@ -35,7 +35,7 @@ pub(super) enum Sending {
     /// All, one behind the other.
     All,
     /// Those that changed, to these places. The others are there.
-    Changed { places: PackedPlaces, geometries: Vec<GeometryId> },
+    Changed { places: Box<PackedPlaces>, geometries: Vec<GeometryId> },
 }
 
 /// What is reserved on the device for a scene that is going to be. Nothing is written yet.
@@ -162,6 +162,7 @@ impl Stays {
         let room: u64 = there.zip(&bytes[OF_INSTANCES..]).map(|(own, &end)| own.max(end)).sum();
         let used: u64 = places.used().bytes().iter().sum();
         let wastes = !changes.is_empty() && used < room / 2 && room > LEAST_WASTE;
+        let places = Box::new(places);
         Some(Stays { sending: Sending::Changed { places, geometries }, bytes, wastes })
     }
 }
