@@ -157,7 +157,7 @@ impl Scene {
         for name in chosen {
             let geometry = self.instance(name)?.geometry;
             // Else it has other instances, or is gone already. To let it be refused would take as many steps as there are instances, for each of these.
-            if scene.geometry_mut(geometry).is_ok_and(|own| own.instances == 0) {
+            if scene.is_unused(geometry) {
                 scene.remove_geometry(geometry)?;
             }
         }

@@ -395,6 +395,12 @@ impl Scene {
         Ok(())
     }
 
+    /// Whether a geometry is there and has no instances, in one step.
+    pub(super) fn is_unused(&self, geometry: GeometryId) -> bool {
+        let own = self.geometries.get(geometry.0 as usize).and_then(State::there);
+        own.is_some_and(|own| own.instances == 0)
+    }
+
     /// Adds an instance.
     ///
     /// # Errors
