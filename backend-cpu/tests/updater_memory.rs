@@ -2,9 +2,9 @@
 
 use std::sync::{Arc, Mutex};
 
-use splitplane_core::backend::scene::{SceneAccelerator, SceneUpdater};
+use splitplane_core::backend::scene::{FinishError, PendingUpdate, SceneAccelerator, SceneUpdater};
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions};
-use splitplane_core::error::{BuildError, QueryError};
+use splitplane_core::error::{BuildError, DeviceError, QueryError};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
@@ -20,6 +20,8 @@ struct Counted {
     cpu: CpuBackend,
     /// Rebuilds make a new tree beside the old one.
     beside: bool,
+    /// Rebuilds fail once they have made a tree of so many triangles in the old one's place.
+    fails_with: Mutex<Option<usize>>,
     alive: Arc<()>,
     limits: Mutex<Vec<Option<u64>>>,
 }
@@ -70,6 +72,10 @@ impl Backend for Counted {
         }
         self.note(options);
         let own = accelerator.downcast_mut::<Tree>().expect("one of this backend");
+        if let Some(count) = *self.fails_with.lock().unwrap() {
+            own.tree = self.cpu.build(&scenes::soup(count, 0.1, 9).mesh(), options)?;
+            return Err(BuildError::Device(DeviceError::Failed("planted".into())));
+        }
         self.cpu.rebuild(&mut own.tree, mesh, options)
     }
 
@@ -268,4 +274,98 @@ fn spares_count_by_what_they_hold() {
         bounded.update(&backend, &mut *built, &scene, &options).unwrap();
         assert!(bounded.spare_bytes() <= large / 4);
     }
+}
+
+/// What a spare holds after a build into it that failed is told, and bounded.
+#[test]
+fn spares_are_counted_again_after_a_build_into_them_failed() {
+    let (backend, options) = (Counted::new(false), BuildOptions::default());
+    let (mut scene, [one, _]) = scene_of([3_000, 30]);
+    let mut built = backend.build_scene(&scene, &options).unwrap();
+    let bytes_of = |count| {
+        let tree = backend.build(&scenes::soup(count, 0.1, 9).mesh(), &options).unwrap();
+        tree.held_bytes()
+    };
+    let [small, middle, large] = [10, 3_000, 9_000].map(bytes_of);
+    let bound = middle + large;
+    let mut updater = SceneUpdater::new(bound);
+    for seed in 2..5 {
+        replace(&mut scene, one, 3_000, seed);
+        updater.update(&backend, &mut *built, &scene, &options).unwrap();
+    }
+    let (digest, spares) = (built.scene().digest(), updater.spare_bytes());
+    assert!(spares > small && spares < large && large < bound, "{small} {spares} {large}");
+    assert_eq!(backend.trees(), 3);
+    // Less, more, and more than the bound: that one is dropped.
+    for (count, held, trees) in [(10, small, 3), (9_000, large, 3), (30_000, 0, 2)] {
+        *backend.fails_with.lock().unwrap() = Some(count);
+        replace(&mut scene, one, 3_000, 5);
+        updater.update(&backend, &mut *built, &scene, &options).unwrap_err();
+        assert_eq!((updater.spare_bytes(), backend.trees()), (held, trees), "{count}");
+        assert_eq!(built.scene().digest(), digest);
+    }
+    // Without a spare it is built anew.
+    updater.update(&backend, &mut *built, &scene, &options).unwrap();
+    let fresh = CpuBackend::new().build_scene(&scene, &options).unwrap();
+    assert_eq!(built.scene().digest(), fresh.scene().digest());
+    assert!(updater.spare_bytes() > 0 && updater.spare_bytes() <= bound);
+}
+
+/// A pending update builds into spares where the updater builds and finishes it: no more trees are held than by updates at once.
+#[test]
+fn pending_updates_build_into_spares() {
+    let (backend, options) = (Counted::new(false), BuildOptions::default());
+    let (mut scene, [one, other]) = scene_of([2_000, 30]);
+    let mut built = backend.build_scene(&scene, &options).unwrap();
+    let mut updater = SceneUpdater::new(u64::MAX);
+    let cpu = CpuBackend::new();
+    for seed in 2..9 {
+        let digest = built.scene().digest();
+        replace(&mut scene, one, 2_000, seed);
+        let mut pending = PendingUpdate::begin(&backend, built.scene(), &scene).unwrap();
+        let spares = updater.spare_bytes();
+        assert_eq!(spares > 0, seed > 3, "{seed}");
+        // Too little for all that is held: the spare stays, and so does the scene.
+        let tight = BuildOptions { max_memory: Some(built.scene().bytes() + 100), ..options };
+        let error = updater.build_next(&backend, &mut pending, &tight).unwrap_err();
+        let SceneBuildError::Geometry { error: BuildError::OutOfMemory { needed, limit }, .. } =
+            error
+        else {
+            panic!("{error}")
+        };
+        assert!(needed > limit && Some(limit) == tight.max_memory, "{needed} {limit}");
+        assert_eq!((pending.left(), updater.spare_bytes()), (1, spares));
+        assert!(updater.build_next(&backend, &mut pending, &options).unwrap());
+        assert!(!updater.build_next(&backend, &mut pending, &options).unwrap());
+        assert_eq!((pending.left(), updater.spare_bytes()), (0, 0));
+        assert_eq!(built.scene().digest(), digest);
+        let error = updater.finish(&backend, &mut pending, &mut *built, &scene, &tight);
+        assert!(matches!(error, Err(FinishError::Build(_))), "{error:?}");
+        assert_eq!((pending.left(), built.scene().digest()), (0, digest));
+        let report = updater.finish(&backend, &mut pending, &mut *built, &scene, &options).unwrap();
+        drop(pending);
+        assert_eq!(report.geometries_built, 1);
+        assert_eq!(backend.trees(), if seed > 2 { 3 } else { 2 }, "{seed}");
+        let fresh = cpu.build_scene(&scene, &options).unwrap();
+        assert_eq!(built.scene().digest(), fresh.scene().digest());
+    }
+    // An update at once goes on with the same spares.
+    replace(&mut scene, one, 2_000, 9);
+    replace(&mut scene, other, 30, 9);
+    updater.update(&backend, &mut *built, &scene, &options).unwrap();
+    assert_eq!(backend.trees(), 3);
+    // Dropped, a pending update takes along the spare that it was built into.
+    replace(&mut scene, one, 2_000, 10);
+    let mut pending = PendingUpdate::begin(&backend, built.scene(), &scene).unwrap();
+    updater.build_next(&backend, &mut pending, &options).unwrap();
+    drop(pending);
+    assert_eq!((backend.trees(), updater.spare_bytes()), (2, 0));
+    // An outdated one leaves spares and scene.
+    let mut pending = PendingUpdate::begin(&backend, built.scene(), &scene).unwrap();
+    updater.build_next(&backend, &mut pending, &options).unwrap();
+    updater.update(&backend, &mut *built, &scene, &options).unwrap();
+    let (digest, spares) = (built.scene().digest(), updater.spare_bytes());
+    let outdated = updater.finish(&backend, &mut pending, &mut *built, &scene, &options);
+    assert_eq!(outdated.unwrap_err(), FinishError::Outdated);
+    assert_eq!((built.scene().digest(), updater.spare_bytes()), (digest, spares));
 }

@@ -393,6 +393,9 @@ impl WgpuBackend {
     /// As [`SceneAccelerator::update_by`] of a scene of this backend's, without blocking while the device builds geometries. What the device refuses when
     /// the scene is sent to it is an error too, and the scene then needs another update.
     ///
+    /// A future that is dropped while geometries are built leaves the scene as it was. One that is dropped later, before the device has told whether it took what was sent, leaves the
+    /// new scene to the CPU ([`SceneAccelerator::placed_by_cpu`] says so) until the next update has sent everything.
+    ///
     /// # Errors
     /// As for [`Backend::build_scene`]. After any other error than that one the scene is what it was.
     pub async fn update_scene_async(
@@ -402,8 +405,8 @@ impl WgpuBackend {
         options: &BuildOptions<'_>,
     ) -> Result<UpdateReport, SceneBuildError> {
         self.check_shapes(scene)?;
-        let new: Vec<_> =
-            built.scene().unbuilt(scene).map(|(name, mesh)| (name, Arc::clone(mesh))).collect();
+        let new = built.scene().unbuilt(scene)?.map(|(name, mesh)| (name, Arc::clone(mesh)));
+        let new: Vec<_> = new.collect();
         let mut held = if options.max_memory.is_some() { built.scene().bytes() } else { 0 };
         let mut ready: VecDeque<Box<dyn Accelerator>> = VecDeque::new();
         let total = new.len() as u64;

@@ -7,6 +7,7 @@ use splitplane_core::mesh::Mesh;
 use splitplane_core::scene::{
     GeometryId, Instance, InstanceId, Scene, SceneBuildError, SceneError,
 };
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// What is built, and what is not. It does not change; another one takes its place.
@@ -35,9 +36,10 @@ impl State {
         let present = description(scene, nothing, waits)?;
         let reach = Reach::of(scene, waits)?;
         let mut accelerator = backend.build_scene(&Scene::new(), &options.unwatched())?;
-        // Geometries are asked for in the order of their names; shapes are not asked for.
-        let meshes = present.geometries().filter(|(_, mesh)| mesh.shapes().is_none());
-        let mut meshes = meshes.map(|(name, own)| (name, Arc::clone(own)));
+        share_trees(&present, &mut trees);
+        let asked = accelerator.scene().unbuilt(&present)?;
+        let meshes: Vec<_> = asked.map(|(name, own)| (name, Arc::clone(own))).collect();
+        let mut meshes = meshes.into_iter();
         accelerator.update_by(&present, options, &mut |mesh, options| {
             let asked = meshes.next().filter(|(name, _)| !waits(*name));
             let place = asked.and_then(|(name, own)| Some((trees.get_mut(name.0 as usize)?, own)));
@@ -50,6 +52,7 @@ impl State {
             };
             Ok(Box::new(shared.clone()))
         })?;
+        share_trees(&present, &mut trees);
         Ok(State { accelerator, trees, waiting, reach, builds })
     }
 
@@ -57,6 +60,17 @@ impl State {
     pub(super) fn waiting_of<'a>(&'a self, scene: &'a Scene) -> impl Iterator<Item = bool> + 'a {
         let waits = |name: GeometryId| self.waiting.get(name.0 as usize) == Some(&true);
         scene.geometries().map(move |(name, _)| waits(name))
+    }
+}
+
+/// Gives geometries that have the arrays of a built one its tree.
+fn share_trees(present: &Scene, trees: &mut [Option<SharedGeometry>]) {
+    let built: BTreeMap<_, SharedGeometry> =
+        trees.iter().flatten().map(|own| (Arc::as_ptr(own.mesh()), own.clone())).collect();
+    for (name, mesh) in present.geometries() {
+        if let Some(own @ None) = trees.get_mut(name.0 as usize) {
+            *own = built.get(&Arc::as_ptr(mesh)).cloned();
+        }
     }
 }
 

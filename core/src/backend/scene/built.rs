@@ -21,7 +21,8 @@ use crate::scene::{
 };
 use crate::tree::digest::Digest;
 
-/// Builds a geometry: what a backend does with one mesh. A build or an update asks for geometries in the order of their names.
+/// Builds a geometry: what a backend does with one mesh. A build or an update asks for geometries in the order of their names; of those that share arrays
+/// it asks for the first: see [`BuiltScene::unbuilt`].
 pub type BuildGeometry<'a> =
     dyn FnMut(&Mesh<'_>, &BuildOptions<'_>) -> Result<Box<dyn Accelerator>, BuildError> + 'a;
 

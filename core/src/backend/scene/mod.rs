@@ -21,6 +21,7 @@ mod needed;
 mod overlap;
 pub mod packed;
 mod pending;
+mod repeats;
 mod shapes;
 mod shared;
 mod single;

@@ -29,12 +29,12 @@ struct Needed {
 }
 
 /// The arrays as a number. They are held, so that nothing new can have the same.
-fn address(mesh: &Arc<GeometryMesh>) -> usize {
+pub(super) fn address(mesh: &Arc<GeometryMesh>) -> usize {
     Arc::as_ptr(mesh).addr()
 }
 
 impl NeededTrees {
-    /// Those of geometries in ascending order of their names; trees that are there already come from `before`.
+    /// Those of geometries in ascending order of their names, no two of which have the same arrays; trees that are there already come from `before`.
     ///
     /// # Errors
     /// No memory.
@@ -42,16 +42,8 @@ impl NeededTrees {
         geometries: impl Iterator<Item = (GeometryId, &'a Arc<GeometryMesh>)>,
         before: &NeededTrees,
     ) -> Result<NeededTrees, SceneBuildError> {
-        let mut all = Vec::new();
-        for geometry in geometries {
-            push(&mut all, geometry)?;
-        }
-        // Of geometries that share arrays the first stays.
-        all.sort_unstable_by_key(|&(name, mesh)| (address(mesh), name));
-        all.dedup_by_key(|(_, mesh)| address(mesh));
-        all.sort_unstable_by_key(|&(name, _)| name);
         let mut own = NeededTrees::default();
-        for (name, mesh) in all {
+        for (name, mesh) in geometries {
             let tree = before.tree_of(mesh).cloned();
             own.left += usize::from(tree.is_none());
             own.bytes += tree.as_ref().map_or(0, SharedGeometry::bytes);
@@ -64,7 +56,7 @@ impl NeededTrees {
     }
 
     /// Where the mesh of these arrays is, among [`NeededTrees::len`].
-    pub(super) fn place_of(&self, mesh: &Arc<GeometryMesh>) -> Option<usize> {
+    fn place_of(&self, mesh: &Arc<GeometryMesh>) -> Option<usize> {
         let own = address(mesh);
         let place = self.places.binary_search_by_key(&own, |&(address, _)| address).ok()?;
         Some(self.places[place].1)

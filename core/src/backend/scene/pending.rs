@@ -10,7 +10,7 @@ use super::accelerator::SceneAccelerator;
 use super::built::BuiltScene;
 use super::needed::NeededTrees;
 use super::shared::SharedGeometry;
-use super::update::{UpdateReport, push, reserve};
+use super::update::{UpdateReport, push};
 use crate::backend::{Accelerator, Backend, BuildOptions};
 use crate::cancel::go_on;
 use crate::error::BuildError;
@@ -43,6 +43,8 @@ pub enum FinishError {
 /// Dropping it, or an error, leaves the scene as it was. Several may be pending for one scene: the one that is finished first makes
 /// the others outdated, which keep their trees.
 ///
+/// Trees are built in new memory; [`SceneUpdater::build_next`](super::SceneUpdater::build_next) builds them into spares.
+///
 /// ```
 /// # use splitplane_core::backend::{Backend, BuildOptions};
 /// # use splitplane_core::backend::scene::{FinishError, PendingUpdate, SceneAccelerator, UpdateReport};
@@ -63,6 +65,10 @@ pub struct PendingUpdate {
     before: Before,
     trees: NeededTrees,
 }
+
+/// Builds the mesh of a geometry.
+pub(super) type BuildNamed<'a> = dyn FnMut(GeometryId, &Mesh<'_>, &BuildOptions<'_>) -> Result<Box<dyn Accelerator>, BuildError>
+    + 'a;
 
 /// What a geometry of a scene consists of.
 type Content = (Arc<GeometryMesh>, Option<Arc<OpacityMask>>);
@@ -116,7 +122,7 @@ impl PendingUpdate {
     ) -> Result<PendingUpdate, SceneBuildError> {
         backend.check_shapes(description)?;
         let before = Before::of(scene)?;
-        let trees = NeededTrees::of(scene.unbuilt(description), &NeededTrees::default())?;
+        let trees = NeededTrees::of(scene.unbuilt(description)?, &NeededTrees::default())?;
         Ok(PendingUpdate { before, trees })
     }
 
@@ -131,7 +137,7 @@ impl PendingUpdate {
         description: &Scene,
     ) -> Result<(), SceneBuildError> {
         let before = Before::of(scene)?;
-        let trees = NeededTrees::of(scene.unbuilt(description), &self.trees)?;
+        let trees = NeededTrees::of(scene.unbuilt(description)?, &self.trees)?;
         (self.before, self.trees) = (before, trees);
         Ok(())
     }
@@ -218,14 +224,28 @@ impl PendingUpdate {
         backend: &dyn Backend,
         options: &BuildOptions<'_>,
     ) -> Result<bool, SceneBuildError> {
+        self.build_next_by(options, &mut |_, mesh, options| backend.build(mesh, options))
+    }
+
+    /// The same by what builds a mesh of a geometry.
+    pub(super) fn build_next_by(
+        &mut self,
+        options: &BuildOptions<'_>,
+        build: &mut BuildNamed<'_>,
+    ) -> Result<bool, SceneBuildError> {
         let Some((name, mesh)) = self.next_mesh() else { return Ok(false) };
         let mesh = Arc::clone(mesh);
         let progress = self.progress();
         go_on(options.watch, progress).map_err(|_| SceneBuildError::Cancelled { progress })?;
-        let tree = backend.build(&mesh.mesh(), &self.options_for_next(options));
+        let tree = build(name, &mesh.mesh(), &self.options_for_next(options));
         let given = tree.and_then(|tree| self.give(&mesh, tree));
         given.map_err(|error| self.error_of(name, error, options))?;
         Ok(true)
+    }
+
+    /// The tree over these arrays, where there is one.
+    pub(super) fn tree_of(&self, mesh: &Arc<GeometryMesh>) -> Option<&SharedGeometry> {
+        self.trees.tree_of(mesh)
     }
 
     /// Builds all that are left, and waits for them.
@@ -258,22 +278,16 @@ impl PendingUpdate {
             return Err(FinishError::Outdated);
         }
         let mut trees: Vec<SharedGeometry> = Vec::new();
-        let mut seen: Vec<bool> = Vec::new();
-        reserve(&mut seen, self.trees.len())?;
-        seen.resize(self.trees.len(), false);
-        for (name, mesh) in scene.scene().unbuilt(description) {
+        for (name, mesh) in scene.scene().unbuilt(description)? {
             let missing = FinishError::NotBuilt { geometry: name.0 };
-            let place = self.trees.place_of(mesh).ok_or(missing.clone())?;
-            let tree = self.trees.tree_of(mesh).ok_or(missing)?;
-            let counted = core::mem::replace(&mut seen[place], true);
-            push(&mut trees, tree.again(counted))?;
+            push(&mut trees, self.trees.tree_of(mesh).ok_or(missing)?.clone())?;
         }
         let mut trees = trees.into_iter();
         let mut next = |_: &Mesh<'_>, options: &BuildOptions<'_>| {
             // As many as are asked for, in this order.
             let missing = || BuildError::WrongMesh { reason: "it was not built before".into() };
             let tree = trees.next().ok_or_else(missing)?;
-            let needed = if tree.is_counted() { 0 } else { tree.bytes() };
+            let needed = tree.bytes();
             if let Some(limit) = options.max_memory.filter(|&limit| needed > limit) {
                 return Err(BuildError::OutOfMemory { needed, limit });
             }

@@ -56,9 +56,9 @@ impl SharedGeometry {
         Arc::ptr_eq(mesh, &self.whole.mesh).then_some(self.whole.extents)
     }
 
-    /// The same tree for another geometry of an update: its bytes count already, or not.
-    pub(super) fn again(&self, counted: bool) -> SharedGeometry {
-        SharedGeometry { whole: Arc::clone(&self.whole), counted }
+    /// The same tree for another geometry of an update, for which its bytes count already.
+    pub(super) fn again(&self) -> SharedGeometry {
+        SharedGeometry { whole: Arc::clone(&self.whole), counted: true }
     }
 
     /// Whether another geometry of the same update counts its bytes.

@@ -6,6 +6,7 @@ use alloc::vec::Vec;
 
 use super::accelerator::SceneAccelerator;
 use super::built::{BuiltGeometry, BuiltScene};
+use super::pending::{FinishError, PendingUpdate};
 use super::shared::SharedGeometry;
 use super::update::{UpdateReport, push, reserve};
 use crate::backend::{Accelerator, Backend, BuildOptions};
@@ -23,6 +24,11 @@ use crate::scene::{GeometryId, GeometryMesh, Scene, SceneBuildError};
 ///
 /// Trees and hits are those of [`Backend::update_scene`]. A scene may be updated in both ways in turn. Trees that the scene does not have any more when an update begins
 /// are spares from then on, within the bound; until then, and after a scene is dropped, they are held. [`SceneUpdater::clear`] drops them too.
+///
+/// Where the old scene answers while trees are built, [`SceneUpdater::build_next`] builds those of a [`PendingUpdate`] into spares, and [`SceneUpdater::finish`] keeps the trees that
+/// it replaces. A device's `PendingSceneUpdate` does not use spares: the build that is under way has the memory of its tree, and gives it to nobody else before it is done.
+///
+/// Geometries that get the same arrays in one update have one tree. It is built into the spare of the first of them, and becomes a spare when no other has it any more.
 ///
 /// ```
 /// # use splitplane_core::backend::{Backend, BuildOptions};
@@ -85,19 +91,16 @@ impl SceneUpdater {
     ) -> Result<UpdateReport, SceneBuildError> {
         backend.check_shapes(description)?;
         self.asked.clear();
-        for (name, mesh) in scene.scene().unbuilt(description) {
+        for (name, mesh) in scene.scene().unbuilt(description)? {
             push(&mut self.asked, (name, Arc::clone(mesh)))?;
         }
         // What cannot be kept later is asked for before anything changes.
-        let more = self.asked.len();
-        reserve(&mut self.made, more)?;
-        reserve(&mut self.current, more)?;
-        self.spares.reserve(more + self.current.len())?;
+        self.make_room(self.asked.len())?;
         self.release_what_is_gone(scene.scene());
         let mut waiting: u64 = self.asked.iter().map(|(name, _)| self.spares.bytes_of(*name)).sum();
         let idle = self.spares.bytes() - waiting;
 
-        let (spares, made) = (&mut self.spares, &mut self.made);
+        let (spares, made, most) = (&mut self.spares, &mut self.made, self.max_spare_bytes);
         let mut asked = self.asked.drain(..);
         let mut build = |mesh: &Mesh<'_>, options: &BuildOptions<'_>| {
             // As many as are asked for, in this order.
@@ -105,14 +108,9 @@ impl SceneUpdater {
             let (name, own) = asked.next().ok_or_else(missing)?;
             // Who builds into a spare counts it.
             waiting -= spares.bytes_of(name);
-            let left = options.beside(waiting);
-            let tree = match spares.get_mut(name) {
-                // After an error it is still a spare.
-                Some(spare) => backend.rebuild(spare, mesh, &left).map(|()| spares.take(name)),
-                None => backend.build(mesh, &left).map(Some),
-            };
+            let tree = spares.build(backend, (name, mesh), &options.beside(waiting), most);
             let tree = tree.map_err(|error| error.beside(waiting, options.max_memory))?;
-            let shared = SharedGeometry::new(own, tree.ok_or_else(missing)?);
+            let shared = SharedGeometry::new(own, tree);
             made.push((name, shared.clone()));
             let shared: Box<dyn Accelerator> = Box::new(shared);
             Ok(shared)
@@ -121,11 +119,75 @@ impl SceneUpdater {
         drop(asked);
         self.keep_made(updated.is_ok());
         if updated.is_ok() {
-            let is_mesh = |name| description.geometry(name).is_ok_and(|own| own.shapes().is_none());
-            self.current.retain(|(name, _)| is_mesh(*name));
-            self.spares.retain(is_mesh);
+            self.forget_what_is_gone(description);
         }
         updated.map_err(|error| error.beside(idle, options.max_memory))
+    }
+
+    /// Builds the next mesh of a pending update, into a spare where there is one: see [`PendingUpdate::build_next`]. Other spares count towards the options' limit
+    /// too. The tree is the pending update's then, also where that is dropped.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn build_next(
+        &mut self,
+        backend: &dyn Backend,
+        pending: &mut PendingUpdate,
+        options: &BuildOptions<'_>,
+    ) -> Result<bool, SceneBuildError> {
+        let (spares, most) = (&mut self.spares, self.max_spare_bytes);
+        pending.build_next_by(options, &mut |name, mesh, options| {
+            let others = spares.bytes() - spares.bytes_of(name);
+            let built = spares.build(backend, (name, mesh), &options.beside(others), most);
+            built.map_err(|error| error.beside(others, options.max_memory))
+        })
+    }
+
+    /// Puts a pending update in place: see [`PendingUpdate::finish`]. The trees that it replaces become spares, where they came from here. Spares count towards
+    /// the options' limit too.
+    ///
+    /// # Errors
+    /// As there; the scene is then what it was, and trees are kept by the pending update.
+    pub fn finish(
+        &mut self,
+        backend: &dyn Backend,
+        pending: &mut PendingUpdate,
+        scene: &mut dyn SceneAccelerator,
+        description: &Scene,
+        options: &BuildOptions<'_>,
+    ) -> Result<UpdateReport, FinishError> {
+        self.made.clear();
+        for (name, mesh) in scene.scene().unbuilt(description)? {
+            if let Some(tree) = pending.tree_of(mesh) {
+                push(&mut self.made, (name, tree.clone()))?;
+            }
+        }
+        self.make_room(self.made.len())?;
+        self.release_what_is_gone(scene.scene());
+        let held = self.spares.bytes();
+        let done = pending.finish(backend, scene, description, &options.beside(held));
+        self.keep_made(done.is_ok());
+        if done.is_ok() {
+            self.forget_what_is_gone(description);
+        }
+        done.map_err(|error| match error {
+            FinishError::Build(error) => error.beside(held, options.max_memory).into(),
+            error => error,
+        })
+    }
+
+    /// Room for what comes with so many new trees, so that nothing has to be asked for once anything changed.
+    fn make_room(&mut self, more: usize) -> Result<(), SceneBuildError> {
+        reserve(&mut self.made, more)?;
+        reserve(&mut self.current, more)?;
+        self.spares.reserve(more + self.current.len())
+    }
+
+    /// Drops what it has for geometries that are meshes no more.
+    fn forget_what_is_gone(&mut self, description: &Scene) {
+        let is_mesh = |name| description.geometry(name).is_ok_and(|own| own.shapes().is_none());
+        self.current.retain(|(name, _)| is_mesh(*name));
+        self.spares.retain(is_mesh);
     }
 
     /// Makes spares of trees that a scene has no more, where nobody else has them.
@@ -215,6 +277,29 @@ impl Spares {
         let own = &mut self.all[place];
         self.bytes -= core::mem::take(&mut own.bytes);
         own.tree.take()
+    }
+
+    /// Builds a tree for a geometry, into its spare where there is one. After an error that is still a spare, which may hold more or less than before: it is
+    /// counted again, and dropped where there is no room for it any more.
+    fn build(
+        &mut self,
+        backend: &dyn Backend,
+        (name, mesh): (GeometryId, &Mesh<'_>),
+        options: &BuildOptions<'_>,
+        max_bytes: u64,
+    ) -> Result<Box<dyn Accelerator>, BuildError> {
+        let Some(spare) = self.get_mut(name) else { return backend.build(mesh, options) };
+        let built = backend.rebuild(spare, mesh, options);
+        match (built, self.take(name)) {
+            (Ok(()), Some(tree)) => Ok(tree),
+            (built, tree) => {
+                if let Some(tree) = tree {
+                    self.keep(name, tree, max_bytes);
+                }
+                // It was there.
+                Err(built.err().unwrap_or(BuildError::WrongMesh { reason: "no spare".into() }))
+            }
+        }
     }
 
     /// Keeps a tree as the spare of a geometry in place of another one, where there is room for it; the list has space. It is found once the list

@@ -1,10 +1,13 @@
 //! Building a scene, and bringing it up to date: only what changed is made anew.
 
+use alloc::boxed::Box;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 
 use super::built::{BuildGeometry, BuiltGeometry, BuiltScene, host_only, repeated_bytes};
 use super::packed::PackedSizes;
+use super::repeats::Repeats;
+use super::shared::SharedGeometry;
 use crate::backend::BuildOptions;
 use crate::cancel::go_on;
 use crate::error::BuildError;
@@ -31,7 +34,7 @@ pub enum TopUpdate {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct UpdateReport {
-    /// Geometries that were built.
+    /// Geometries that were built. Those that got the same arrays have one tree, and count each.
     pub geometries_built: u32,
     /// Geometries that were dropped.
     pub geometries_dropped: u32,
@@ -227,12 +230,10 @@ impl BuiltScene {
     ) -> Result<Plan, SceneBuildError> {
         let mut geometries = Vec::new();
         let mut report = UpdateReport::default();
-        let total = scene.geometries().filter(|&(name, mesh)| self.is_new(name, mesh)).count();
+        let total = self.new_geometries(scene).count();
+        let repeats = Repeats::of(self.new_geometries(scene))?;
         let mut held = if options.max_memory.is_some() { self.bytes() } else { 0 };
-        for (name, mesh) in scene.geometries() {
-            if !self.is_new(name, mesh) {
-                continue;
-            }
+        for (name, mesh) in self.new_geometries(scene) {
             let done = u64::from(report.geometries_built);
             let progress = Progress { stage: Stage::Geometries, done, total: total as u64 };
             go_on(options.watch, progress).map_err(|_| SceneBuildError::Cancelled { progress })?;
@@ -249,10 +250,16 @@ impl BuiltScene {
             };
             let left = options.max_memory.map(|limit| limit.saturating_sub(held));
             let own = BuildOptions { max_memory: left, ..*options };
+            let first = repeats.first_of(mesh);
             let built = if mesh.shapes().is_some() {
                 BuiltGeometry::of_shapes(Arc::clone(mesh), left).map_err(wrong)?
+            } else if let Some(tree) = first.and_then(|first| tree_again(&mut geometries, first)) {
+                BuiltGeometry::new(Arc::clone(mesh), Box::new(tree))
             } else {
-                let built = build(&mesh.mesh(), &own).map_err(wrong)?;
+                let mut built = build(&mesh.mesh(), &own).map_err(wrong)?;
+                if first.is_some() && built.downcast_mut::<SharedGeometry>().is_none() {
+                    built = Box::new(SharedGeometry::new(Arc::clone(mesh), built));
+                }
                 BuiltGeometry::new(Arc::clone(mesh), built)
             };
             held += built.uncounted_bytes();
@@ -271,13 +278,26 @@ impl BuiltScene {
     }
 
     /// The geometries of a description that an update to it builds, in the order in which it asks for them, those of shapes left out: for backends that
-    /// build them before.
+    /// build them before. Of those that get the same arrays it is the first: the others have its tree.
+    ///
+    /// # Errors
+    /// No memory.
     pub fn unbuilt<'a>(
         &'a self,
         scene: &'a Scene,
+    ) -> Result<impl Iterator<Item = (GeometryId, &'a Arc<GeometryMesh>)> + 'a, SceneBuildError>
+    {
+        let repeats = Repeats::of(self.new_geometries(scene))?;
+        let new = self.new_geometries(scene).filter(|(_, mesh)| mesh.shapes().is_none());
+        Ok(new.filter(move |(name, mesh)| repeats.first_of(mesh).is_none_or(|one| one == *name)))
+    }
+
+    /// The geometries of a description that are not built, in the order of their names.
+    fn new_geometries<'a>(
+        &'a self,
+        scene: &'a Scene,
     ) -> impl Iterator<Item = (GeometryId, &'a Arc<GeometryMesh>)> + 'a {
-        let new = scene.geometries().filter(|&(name, mesh)| self.is_new(name, mesh));
-        new.filter(|(_, mesh)| mesh.shapes().is_none())
+        scene.geometries().filter(|&(name, mesh)| self.is_new(name, mesh))
     }
 
     /// Whether a geometry is not built over these arrays.
@@ -442,6 +462,16 @@ impl BuiltScene {
         let bytes = top_tree_bytes(boxes.len(), names);
         TopTree::build(names, boxes.into_iter()).ok_or_else(|| lacking(bytes))
     }
+}
+
+/// The tree of a geometry that this update built already, for another one with the same arrays; it counts once.
+fn tree_again(
+    built: &mut [(GeometryId, Option<BuiltGeometry>)],
+    name: GeometryId,
+) -> Option<SharedGeometry> {
+    let place = built.binary_search_by_key(&name, |&(name, _)| name).ok()?;
+    let own = built[place].1.as_mut()?;
+    Some(own.accelerator.downcast_mut::<SharedGeometry>()?.again())
 }
 
 fn bits(transform: &[[f32; 4]; 3]) -> [[u32; 4]; 3] {
