@@ -20,6 +20,8 @@ use crate::query::WgpuScene;
 /// An update of a scene that was submitted: the device builds the trees of its meshes, one after the other, and the scene answers meanwhile as
 /// before. It is a [`PendingUpdate`] whose builds nobody waits for.
 ///
+/// Trees get new memory on the device: no spares of a [`SceneUpdater`](splitplane_core::backend::scene::SceneUpdater) are built into.
+///
 /// What the host has to do, which is to send a mesh and to look at its triangles, is done by the calls. Dropped, it leaves the scene as it was, and so does
 /// every error.
 ///
@@ -207,6 +209,8 @@ impl PendingSceneUpdate {
     /// # Errors
     /// As for [`PendingSceneUpdate::finish`]: the scene is then what it was. What the device refused is an error too. The update is then in place on the host,
     /// and the scene needs another one, which sends everything again; the trees are the scene's.
+    ///
+    /// A future that is dropped before it is known leaves the scene so too: updated on the host, and answered by the CPU until the next update has sent everything.
     pub async fn finish_async(
         &mut self,
         scene: &mut WgpuScene,
@@ -226,9 +230,17 @@ impl PendingSceneUpdate {
 
 #[cfg(all(test, not(target_family = "wasm")))]
 mod tests {
+    use std::pin::pin;
+    use std::sync::atomic::AtomicBool;
+    use std::sync::atomic::Ordering::Relaxed;
+    use std::task::{Context, Poll, Waker};
+
     use splitplane_core::backend::Backend;
     use splitplane_core::mesh::Mesh;
-    use splitplane_core::scene::Instance;
+    use splitplane_core::scene::{Instance, SceneHit, SceneOptions, translation};
+    use splitplane_cpu::CpuBackend;
+    use splitplane_test_support::objects::{self, Kind};
+    use splitplane_test_support::scenes;
 
     use super::*;
     use crate::error::GpuError;
@@ -271,5 +283,114 @@ mod tests {
             }
             assert_eq!(built.placed_by_cpu(), None);
         }
+    }
+
+    /// A browser tells later that it took everything, or that it did not; who asked is gone by then.
+    #[test]
+    #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+    fn an_update_that_is_dropped_half_way_takes_the_scene_from_the_device() {
+        let adapter = std::env::var("SPLITPLANE_ADAPTER").ok();
+        let open = OpenOptions { default_limits: true, adapter, ..OpenOptions::default() };
+        let gpu = Gpu::open(&open).expect("a device");
+        let backend = WgpuBackend::new(Gpu::clone(&gpu)).expect("a backend");
+        let options = BuildOptions::default();
+        let (mut scene, names) = objects::scene(Kind::Ordinary, 12, 5);
+        let rays = objects::rays(&scene, 300, 6);
+        let work = backend.build_scene_async(&scene, &options);
+        let mut built = pollster::block_on(work).expect("a scene");
+        let query = SceneOptions::default();
+        let hits_of = |scene: &dyn SceneAccelerator| -> Vec<[u32; 6]> {
+            let mut hits = vec![SceneHit::MISS; rays.len()];
+            scene.closest_hits(&rays, &mut hits, &query).expect("hits");
+            hits.iter().map(|hit| bytemuck::cast(*hit)).collect()
+        };
+        let by_cpu = |scene: &Scene| {
+            let fresh = CpuBackend::new().build_scene(scene, &options).expect("a scene");
+            hits_of(&*fresh)
+        };
+        for (number, (pends, refuses)) in
+            [(true, false), (true, true), (false, false), (false, true)].into_iter().enumerate()
+        {
+            let before = hits_of(&built);
+            assert_eq!((&before, built.placed_by_cpu()), (&by_cpu(&scene), None));
+            let place = translation([0.5, 0.25 * (number + 1) as f32, 0.0]);
+            scene.move_instance(names[2], place).unwrap();
+            let told = Arc::new(AtomicBool::new(false));
+            let is_told = Arc::clone(&told);
+            let check = std::future::poll_fn(move |_| match is_told.load(Relaxed) {
+                true => Poll::Ready(refuses.then(|| GpuError::Refused("planted".into()))),
+                false => Poll::Pending,
+            });
+            let mut pending = if pends {
+                let geometry = scene.geometries().next().unwrap().0;
+                let mesh = scenes::soup(50 + number, 0.5, 3);
+                scene.replace_mesh(geometry, &mesh.mesh()).unwrap();
+                let begun =
+                    PendingSceneUpdate::begin(&backend, built.scene(), &scene, &options).unwrap();
+                Some(begun)
+            } else {
+                None
+            };
+            if let Some(pending) = &mut pending {
+                pending.wait().unwrap();
+            }
+            gpu.tell_later(Box::pin(check));
+            {
+                let mut context = Context::from_waker(Waker::noop());
+                let is_pending = match &mut pending {
+                    Some(pending) => {
+                        let mut work = pin!(pending.finish_async(&mut built, &scene));
+                        work.as_mut().poll(&mut context).is_pending()
+                    }
+                    None => {
+                        let mut work =
+                            pin!(backend.update_scene_async(&mut built, &scene, &options));
+                        work.as_mut().poll(&mut context).is_pending()
+                    }
+                };
+                assert!(is_pending);
+            }
+            told.store(true, Relaxed);
+            assert_eq!(gpu.settled(gpu.mark()).is_err(), refuses);
+            gpu.forget_refused();
+            // Answers are those of the new scene, and not from arrays of which nothing is known.
+            let reason = built.placed_by_cpu().map(str::to_owned);
+            assert!(reason.as_ref().is_some_and(|own| own.contains("dropped")), "{reason:?}");
+            let after = hits_of(&built);
+            assert_eq!(after, by_cpu(&scene));
+            assert_ne!(after, before);
+            assert_eq!(built.bytes_on_device(), 0);
+            assert!(
+                matches!(built.bindings(), Err(GpuError::NotHeld(told)) if Some(&told) == reason.as_ref())
+            );
+            let mut hits = vec![SceneHit::MISS; rays.len()];
+            let asked = pollster::block_on(built.closest_hits_async(&rays, &mut hits, &query));
+            assert!(asked.unwrap_err().to_string().contains("dropped"));
+            // Another update, of the same description, sends everything again.
+            let report = backend.update_scene(&mut built, &scene, &options).unwrap();
+            assert_eq!((report.geometries_built, report.instances_changed), (0, 0));
+            let packed: u64 = built.scene().packed_sizes().bytes().iter().sum();
+            assert!(report.bytes_sent > packed / 2, "{} {packed}", report.bytes_sent);
+            assert_eq!((built.placed_by_cpu(), hits_of(&built)), (None, after));
+        }
+        // Dropped while trees are built, it leaves the scene where it is.
+        let before = hits_of(&built);
+        let geometry = scene.geometries().next().unwrap().0;
+        scene.replace_mesh(geometry, &scenes::soup(70, 0.5, 3).mesh()).unwrap();
+        let told = Arc::new(AtomicBool::new(false));
+        let is_told = Arc::clone(&told);
+        gpu.tell_later(Box::pin(std::future::poll_fn(move |_| match is_told.load(Relaxed) {
+            true => Poll::Ready(None),
+            false => Poll::Pending,
+        })));
+        {
+            let mut work = pin!(backend.update_scene_async(&mut built, &scene, &options));
+            let mut context = Context::from_waker(Waker::noop());
+            assert!(work.as_mut().poll(&mut context).is_pending());
+        }
+        told.store(true, Relaxed);
+        assert_eq!((hits_of(&built), built.placed_by_cpu()), (before, None));
+        backend.update_scene(&mut built, &scene, &options).unwrap();
+        assert_eq!((hits_of(&built), built.placed_by_cpu()), (by_cpu(&scene), None));
     }
 }

@@ -84,6 +84,12 @@ impl Deferred {
         self.lock().errors.push_back((Mark(u64::MAX), error));
     }
 
+    /// A check of work after any mark.
+    #[cfg(all(test, not(target_family = "wasm")))]
+    pub(crate) fn delay(&self, check: Check) {
+        self.lock().under_way.push((Mark(u64::MAX), check));
+    }
+
     /// Forgets all errors.
     #[cfg(all(test, not(target_family = "wasm")))]
     pub(crate) fn forget(&self) {

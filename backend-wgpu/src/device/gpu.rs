@@ -244,6 +244,12 @@ impl Gpu {
         self.deferred.refuse(error);
     }
 
+    /// Has all work wait for this check, as it may in a browser.
+    #[cfg(all(test, not(target_family = "wasm")))]
+    pub(crate) fn tell_later(&self, check: crate::device::deferred::Check) {
+        self.deferred.delay(check);
+    }
+
     /// Forgets what was refused.
     #[cfg(all(test, not(target_family = "wasm")))]
     pub(crate) fn forget_refused(&self) {

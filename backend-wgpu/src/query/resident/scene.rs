@@ -43,6 +43,9 @@ pub struct WgpuScene {
     memory: WaveMemory,
 }
 
+/// Why a device holds nothing of a scene whose update was dropped.
+const UNTOLD: &str = "its last update was dropped before the device told whether it took the scene; the next one sends all again";
+
 /// What is reserved on the device for a scene that is going to be.
 type Reserved = Result<Buffers, String>;
 
@@ -89,7 +92,8 @@ impl WgpuScene {
     }
 
     /// Updates the scene by `work`, and waits until it is known what the device refused meanwhile, which a browser tells later. That is an error, and
-    /// takes the scene from the device: the next update sends everything again.
+    /// takes the scene from the device: the next update sends everything again. So does the next update where this future is dropped before the device has
+    /// told.
     pub(crate) async fn settled<T, E: From<SceneBuildError>>(
         &mut self,
         work: impl FnOnce(&mut WgpuScene) -> Result<T, E>,
@@ -97,11 +101,14 @@ impl WgpuScene {
         let gpu = Arc::clone(self.queries.gpu());
         let from = gpu.mark();
         let done = work(self)?;
+        // The scene has nothing of the device's until that has told what it took: who drops this future leaves the scene so.
+        let held = std::mem::replace(&mut self.held, Err(UNTOLD.into()));
         if let Err(error) = gpu.settle(Wait::Yielding, from).await {
             let error = gpu.cause(error).await;
             self.held = Err(error.to_string());
             return Err(failed(error).into());
         }
+        self.held = held;
         Ok(done)
     }
 
