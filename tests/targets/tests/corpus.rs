@@ -19,13 +19,11 @@ use splitplane_core::report::{BuildSummary, QueryReport};
 use splitplane_core::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport};
 use splitplane_core::tree::KdTree;
 use splitplane_cpu::CpuBackend;
-use splitplane_fuzz_targets::scene_operations::Reached;
 use splitplane_fuzz_targets::{
     ALL, Target, build_tree, gltf, nearness, obj, ply, scene_operations, stl,
 };
 use splitplane_test_support::faulty::{Fault, FaultyBackend};
 use splitplane_test_support::random::Random;
-use std::cell::Cell;
 use std::collections::BTreeSet;
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -379,40 +377,6 @@ fn faulty_nearness_is_found() {
     for fault in [SceneFault::Unmasked, SceneFault::Misnamed, SceneFault::Lossy] {
         let faulty = |scene| -> Box<dyn SceneAccelerator> { Box::new(FaultyScene(scene, fault)) };
         assert!(is_found(2000, |b| nearness::run_on(b, |tree| tree, faulty)), "{fault:?}");
-    }
-}
-
-/// Sequences of edits, many where there is time. They reach trees over instances of several levels, refits of several nodes and trees that
-/// are worn.
-#[test]
-fn scenes_brought_up_to_date_are_those_built_from_nothing() {
-    let long = std::env::var_os("SPLITPLANE_LONG").is_some();
-    let sequences: u64 = if long { 1_000_000 } else { 3000 };
-    let threads = std::thread::available_parallelism().map_or(1, |n| n.get() as u64);
-    let all = |first: u64| {
-        let mut sum = Reached::default();
-        for seed in (first..sequences).step_by(threads as usize) {
-            let bytes = chance(!seed);
-            let one = Cell::new(Reached::default());
-            let target = |bytes: &[u8]| one.set(scene_operations::reached(bytes));
-            run_any("scene_operations", target, &format!("seed {seed}"), &bytes);
-            sum = sum.and(one.get());
-        }
-        sum
-    };
-    make_pool();
-    let reached = std::thread::scope(|scope| {
-        let parts: Vec<_> = (0..threads).map(|first| scope.spawn(move || all(first))).collect();
-        let parts = parts.into_iter().map(|part| part.join().expect("no difference"));
-        parts.fold(Reached::default(), Reached::and)
-    });
-    println!("{sequences} sequences: {reached:?}");
-    let Reached { updates, instances, changed, refits, worn, cancelled } = reached;
-    assert_eq!(instances, 200);
-    for (count, least) in
-        [(updates, 2.0), (changed, 20.0), (refits, 0.05), (worn, 0.01), (cancelled, 0.5)]
-    {
-        assert!(count as f64 > least * sequences as f64, "{reached:?}");
     }
 }
 
