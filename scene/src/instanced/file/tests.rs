@@ -496,7 +496,7 @@ fn what_would_bake_to_too_much_is_refused_at_once() {
     let error = parse(&file(5), &path, &within(needed)).unwrap_err();
     assert!(error.problem.is_limit(), "{error}");
     let text = error.to_string();
-    assert!(text.contains("line 5, column 29, instances[3].bake: "), "{text}");
+    assert!(text.contains("line 6, column 29, instances[3].bake: "), "{text}");
     assert!(parse(&file(3), &path, &within(needed)).is_ok());
     assert!(parse(&file(3), &path, &within(needed - 1)).is_err());
 }
