@@ -382,10 +382,9 @@ fn children_that_many_workgroups_write() {
     let retry = splitplane_shaders::kernel_retry("allocate_children").expect("a retry").source();
     let backend = WgpuBackend::without_selftest(Gpu::clone(&common::gpu()));
     // More nodes in a level than all workgroups take at once, cuts, and nodes that are transferred with cuts and without.
-    // And triangles that no plane separates.
-    let scene = scenes::grid_boxes(4)
-        .joined(&scenes::soup(6_000, 0.1, 9), "children")
-        .joined(&scenes::identical(300), "same");
+    let scene = scenes::grid_boxes(4).joined(&scenes::soup(6_000, 0.1, 9), "children");
+    // Triangles that no plane separates.
+    let same = scenes::identical(500);
     let many = BuildConfig { block_width: 1, max_depth: 12, ..Preset::Balanced.config() }
         .with_stages(|stages| stages.small_node_limit = 2);
     let balanced = Preset::Balanced.config();
@@ -415,6 +414,7 @@ fn children_that_many_workgroups_write() {
         (true, "first_chunk += chunks_of(count)", "first_chunk += 1u", balanced),
         (true, "select(0u, 1u, inseparable)", "0u", balanced),
     ] {
+        let scene = if text.contains("inseparable") { &same } else { &scene };
         let source = if of_retry { &retry } else { &own };
         let planted = source.replace(text, fault);
         assert!(planted != *source, "{text}: the text to change is gone");
