@@ -49,7 +49,8 @@ pub enum LazyError {
 /// itself since.
 ///
 /// A step that builds also looks once at what is built already, and makes the trees over instances and over shapes anew. So ask with many rays at once.
-/// Limits of memory hold for the whole scene, as for one that is built at once. A query's watch is called while it builds, and may cancel that. All queries
+/// Limits of memory hold for what answers rays, as in a scene that is built at once. Beside that stand the places of all instances that wait and a tree over them, some 270 bytes for each, and, while a step builds, what was
+/// built before, of which only trees of meshes are shared. A device gets all of the scene in each step. A query's watch is called while it builds, and may cancel that. All queries
 /// have an error for a geometry that is not built: [`LazyError::Build`].
 ///
 /// ```
@@ -160,7 +161,7 @@ impl LazyScene {
         self.state().builds
     }
 
-    /// Bytes that are held for queries.
+    /// Bytes of what is built and answers rays, without the places of instances that wait.
     pub fn bytes(&self) -> u64 {
         self.state().accelerator.scene().bytes()
     }
