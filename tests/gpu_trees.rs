@@ -141,7 +141,8 @@ fn has_middle_stage(preset: Preset) -> bool {
 
 /// Dispatches of a level of the large-node stage.
 fn level_dispatches(preset: Preset) -> u32 {
-    if preset == Preset::Balanced { 6 } else { 4 }
+    // Its kernels, and without the middle stage the retry of `allocate_children`.
+    if preset == Preset::Balanced { 7 } else { 4 }
 }
 
 fn check_trait(
