@@ -105,7 +105,7 @@ pub(super) fn bake(source: &mut Source<'_>, run: &mut Run<'_>) {
     let instances: usize = groups.iter().map(Vec::len).sum();
     let full = groups.iter().filter(|group| !group.is_empty()).count();
     // Three corners and three indices a triangle, and what the table says that it takes.
-    let needed = (triangles * 48 + full * 32 + instances * 12) as u64;
+    let needed = (triangles * 48 + full * 40 + instances * 12) as u64;
     let is_known =
         |flaw: &BakeError| !matches!(flaw, BakeError::Scene(_) | BakeError::Twice { .. });
     if needed > 0 && flaws.iter().all(is_known) {
