@@ -7,7 +7,7 @@ use splitplane_core::backend::scene::packed::{
 };
 use splitplane_core::scene::GeometryId;
 
-use super::room::{Buffers, OF_INSTANCES, Room, Sending};
+use super::reserved::{Buffers, OF_INSTANCES, Room, Sending};
 use crate::device::gpu::Gpu;
 use crate::device::scope::checked;
 use crate::error::GpuError;

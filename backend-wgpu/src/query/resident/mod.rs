@@ -8,6 +8,7 @@
 mod bindings;
 mod held;
 mod near;
+mod reserved;
 mod room;
 mod scene;
 mod waves;

@@ -1,10 +1,10 @@
 //! Room on a device for what a scene is going to be, before anything changes.
 
 use splitplane_core::backend::scene::Becoming;
-use splitplane_core::backend::scene::packed::{PackedPlaces, PackedSizes};
-use splitplane_core::scene::GeometryId;
+use splitplane_core::backend::scene::packed::PackedSizes;
 
 use super::held::HeldScene;
+use super::reserved::{Buffers, OF_INSTANCES, Room, Sending};
 use crate::device::gpu::{Gpu, LEAST_BUFFER};
 use crate::device::halves::binding_limit;
 use crate::device::scope::checked;
@@ -19,31 +19,10 @@ const NAMES: [&str; 6] = [
     "the triangles of all geometries",
     "the shapes of all geometries",
 ];
-/// Buffers that do not depend on geometries alone come first: these are as many.
-pub(super) const OF_INSTANCES: usize = 2;
 /// What the buffers are used for: they are copied when they grow.
 const USAGE: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE
     .union(wgpu::BufferUsages::COPY_DST)
     .union(wgpu::BufferUsages::COPY_SRC);
-
-/// The buffers of a scene: nodes of the tree over instances, instances, nodes, references, corners, shapes.
-pub(super) type Buffers = [wgpu::Buffer; 6];
-
-/// What is to be sent of the geometries.
-#[derive(Debug)]
-pub(super) enum Sending {
-    /// All, one behind the other.
-    All,
-    /// Those that changed, to these places. The others are there.
-    Changed { places: Box<PackedPlaces>, geometries: Vec<GeometryId> },
-}
-
-/// What is reserved on the device for a scene that is going to be. Nothing is written yet.
-#[derive(Debug)]
-pub(super) struct Room {
-    pub(super) buffers: Buffers,
-    pub(super) sending: Sending,
-}
 
 /// How a scene may get its room.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -20,7 +20,7 @@ use splitplane_core::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, Sce
 use super::bindings::SceneBindings;
 use super::held::HeldScene;
 use super::near;
-use super::room::Room;
+use super::reserved::Room;
 use super::waves::{WaveMemory, Waves};
 use crate::device::wait::{Wait, blocking};
 use crate::error::GpuError;

@@ -14,6 +14,7 @@ mod cost;
 mod extents;
 mod filtered;
 mod host;
+mod lists;
 mod locate;
 mod near_shapes;
 mod nearness;
@@ -38,8 +39,9 @@ pub use closest_point::{SceneClosestPoint, SceneClosestPointOptions, closest_in_
 pub use filtered::Kept;
 pub use host::HostScene;
 pub use overlap::{SceneOverlapOptions, SceneOverlaps, SceneTriangle};
+pub use packed::GeometryChange;
 pub use pending::{FinishError, PendingUpdate};
 pub use shared::SharedGeometry;
 pub use spares::SceneUpdater;
-pub use update::{Becoming, GeometryChange, TopUpdate, UpdateReport};
+pub use update::{Becoming, TopUpdate, UpdateReport};
 pub use write_file::{SceneWriteError, write_file};

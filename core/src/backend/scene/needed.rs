@@ -3,8 +3,8 @@
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 
+use super::lists::push;
 use super::shared::SharedGeometry;
-use super::update::push;
 use crate::scene::{GeometryId, GeometryMesh, SceneBuildError};
 
 /// Meshes in the order in which they are built, with the trees that are there. A mesh is found in the logarithm of their number, and all sums are kept as they

@@ -8,9 +8,10 @@ use thiserror::Error;
 
 use super::accelerator::SceneAccelerator;
 use super::built::BuiltScene;
+use super::lists::push;
 use super::needed::NeededTrees;
 use super::shared::SharedGeometry;
-use super::update::{UpdateReport, push};
+use super::update::UpdateReport;
 use crate::backend::{Accelerator, Backend, BuildOptions};
 use crate::cancel::go_on;
 use crate::error::BuildError;

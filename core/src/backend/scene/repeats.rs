@@ -3,8 +3,8 @@
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 
+use super::lists::push;
 use super::needed::address;
-use super::update::push;
 use crate::scene::{GeometryId, GeometryMesh, SceneBuildError};
 
 /// The geometries that may have the arrays of another one of the same update.

@@ -6,9 +6,10 @@ use alloc::vec::Vec;
 
 use super::accelerator::SceneAccelerator;
 use super::built::{BuiltGeometry, BuiltScene};
+use super::lists::{push, reserve};
 use super::pending::{FinishError, PendingUpdate};
 use super::shared::SharedGeometry;
-use super::update::{UpdateReport, push, reserve};
+use super::update::UpdateReport;
 use crate::backend::{Accelerator, Backend, BuildOptions};
 use crate::error::BuildError;
 use crate::mesh::Mesh;

@@ -5,7 +5,8 @@ use alloc::sync::Arc;
 use alloc::vec::Vec;
 
 use super::built::{BuildGeometry, BuiltGeometry, BuiltScene, host_only, repeated_bytes};
-use super::packed::PackedSizes;
+use super::lists::{lacking, push, reserve};
+use super::packed::{GeometryChange, PackedSizes};
 use super::repeats::Repeats;
 use super::shared::SharedGeometry;
 use crate::backend::BuildOptions;
@@ -50,15 +51,6 @@ pub struct UpdateReport {
     /// them, and of geometries those that are new or changed. All of them are sent where the scene was not on the device, or where more than half of the
     /// room there was free or had no place for what changed.
     pub bytes_sent: u64,
-}
-
-/// A geometry that an update makes, replaces, gives another opacity mask, or drops.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct GeometryChange {
-    /// Which.
-    pub geometry: GeometryId,
-    /// What it is going to have of the arrays of the packed scene; `None` for one that is dropped.
-    pub sizes: Option<PackedSizes>,
 }
 
 /// What a scene is going to be when an update ends.
@@ -547,21 +539,6 @@ fn tree_again(
 
 fn bits(transform: &[[f32; 4]; 3]) -> [[u32; 4]; 3] {
     transform.map(|row| row.map(f32::to_bits))
-}
-
-fn lacking(bytes: u64) -> SceneBuildError {
-    SceneBuildError::OutOfMemory { needed: bytes, limit: bytes }
-}
-
-pub(super) fn reserve<T>(list: &mut Vec<T>, more: usize) -> Result<(), SceneBuildError> {
-    let bytes = more.saturating_mul(size_of::<T>()) as u64;
-    list.try_reserve(more).map_err(|_| lacking(bytes))
-}
-
-pub(super) fn push<T>(list: &mut Vec<T>, one: T) -> Result<(), SceneBuildError> {
-    reserve(list, 1)?;
-    list.push(one);
-    Ok(())
 }
 
 /// Makes a place for each name.

@@ -9,6 +9,7 @@
 mod pack;
 mod piece;
 mod places;
+mod sizes;
 mod trace;
 
 use alloc::vec::Vec;
@@ -19,9 +20,9 @@ use crate::scene::{TOP_WIDTH, Transform};
 use crate::tree::node::KdNode;
 use crate::triangle::Triangle;
 
-pub use pack::{PackedSizes, Unpackable};
 pub use piece::PackedPiece;
 pub use places::PackedPlaces;
+pub use sizes::{GeometryChange, PackedSizes, Unpackable};
 
 /// A child of a packed node that every ray enters; the other bits are as in
 /// [`TopNode::children`](crate::scene::TopNode::children).

@@ -1,7 +1,8 @@
 //! What one geometry has of the arrays that geometries share: what is sent to a device when it changes.
 
 use super::PackedScene;
-use super::places::{PackedPlaces, SHARED};
+use super::places::PackedPlaces;
+use super::sizes::SHARED;
 use crate::tree::node::KdNode;
 use crate::triangle::Triangle;
 

@@ -3,13 +3,9 @@
 use alloc::vec::Vec;
 use core::ops::Range;
 
-use super::{PackedSizes, Unpackable};
+use super::sizes::{GeometryChange, PackedSizes, SHARED, Unpackable};
 use crate::backend::scene::built::BuiltScene;
-use crate::backend::scene::update::GeometryChange;
 use crate::scene::GeometryId;
-
-/// Arrays that geometries share: nodes, references, triangles, blocks of shapes.
-pub(super) const SHARED: usize = 4;
 
 /// Where the geometries of a scene lie in the arrays of its packed form.
 ///

@@ -3,7 +3,7 @@
 
 use core::cmp::min;
 
-use super::pack::OPACITY_HEAD;
+use super::sizes::OPACITY_HEAD;
 use super::{
     ALWAYS, BOX_COORDINATE_MOST, MIRRORED, PackedInstance, PackedScene, PackedTopNode, SHAPES,
 };
