@@ -161,7 +161,7 @@ impl Scene {
                 scene.remove_geometry(geometry)?;
             }
         }
-        table.sort();
+        table.sort()?;
         Ok((scene, table))
     }
 

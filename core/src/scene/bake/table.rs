@@ -51,24 +51,20 @@ impl BakedTable {
         parts: Vec<Part>,
     ) -> Result<(), SceneError> {
         reserve(&mut self.groups, 1)?;
-        reserve(&mut self.by_geometry, 1)?;
         reserve(&mut self.parts, parts.len())?;
         let (first_part, parts_of) = (self.parts.len(), parts.len());
         self.groups.push(Group { instance, geometry, triangles, first_part, parts: parts_of });
-        self.by_geometry.push((geometry, 0));
         self.parts.extend(parts);
         Ok(())
     }
 
     /// Makes groups be found, once all are there.
-    pub(super) fn sort(&mut self) {
+    pub(super) fn sort(&mut self) -> Result<(), SceneError> {
         self.groups.sort_unstable_by_key(|group| group.instance);
-        for ((named, place), (at, group)) in
-            self.by_geometry.iter_mut().zip((0..).zip(&self.groups))
-        {
-            (*named, *place) = (group.geometry, at);
-        }
+        reserve(&mut self.by_geometry, self.groups.len())?;
+        self.by_geometry.extend(self.groups.iter().zip(0..).map(|(own, at)| (own.geometry, at)));
         self.by_geometry.sort_unstable();
+        Ok(())
     }
 
     /// The instance of each group in the baked scene and its geometry, in the order of their names.
@@ -76,8 +72,8 @@ impl BakedTable {
         self.groups.iter().map(|group| (group.instance, group.geometry))
     }
 
-    /// The part of a group that a triangle is of; `None` where the group has no such triangle.
-    fn part(&self, group: &Group, triangle: u32) -> Option<&Part> {
+    /// What a triangle of a group was; `None` where the group has no such triangle.
+    fn original_of(&self, group: &Group, triangle: u32) -> Option<(InstanceId, GeometryId, u32)> {
         let Group { first_part, parts, triangles, .. } = *group;
         if triangle >= triangles {
             return None;
@@ -85,7 +81,8 @@ impl BakedTable {
         let parts = &self.parts[first_part..first_part + parts];
         // Of parts without triangles the last that begins here has it.
         let after = parts.partition_point(|part| part.first_triangle <= triangle);
-        parts.get(after.checked_sub(1)?)
+        let part = parts.get(after.checked_sub(1)?)?;
+        Some((part.instance, part.geometry, triangle - part.first_triangle))
     }
 
     /// What a triangle of a group's instance was: instance, geometry, and triangle. `None` for instances that are not baked, which are what they were, and for triangles that
@@ -96,8 +93,7 @@ impl BakedTable {
         triangle: u32,
     ) -> Option<(InstanceId, GeometryId, u32)> {
         let place = self.groups.binary_search_by_key(&instance, |group| group.instance).ok()?;
-        let part = self.part(&self.groups[place], triangle)?;
-        Some((part.instance, part.geometry, triangle - part.first_triangle))
+        self.original_of(&self.groups[place], triangle)
     }
 
     /// What a triangle of a group's geometry was, as [`BakedTable::original`] says it of the group's own instance. So groups may have instances beside that: bake a house of its parts,
@@ -126,8 +122,7 @@ impl BakedTable {
         triangle: u32,
     ) -> Option<(InstanceId, GeometryId, u32)> {
         let at = self.by_geometry.binary_search_by_key(&geometry, |(named, _)| *named).ok()?;
-        let part = self.part(&self.groups[self.by_geometry[at].1 as usize], triangle)?;
-        Some((part.instance, part.geometry, triangle - part.first_triangle))
+        self.original_of(&self.groups[self.by_geometry[at].1 as usize], triangle)
     }
 
     /// A hit in the baked scene as one in the scene before; `t`, `u` and `v` stay. Misses, and hits of what is not baked, are themselves.
