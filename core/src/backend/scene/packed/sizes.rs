@@ -28,7 +28,7 @@ pub enum Unpackable {
         /// Its name.
         geometry: u32,
     },
-    /// Something that only the host answers; see [`BuiltScene::host_only`].
+    /// Something that only the host answers; see [`BuiltScene::host_only`](super::super::BuiltScene::host_only).
     HostOnly(&'static str),
     /// More nodes, references or top nodes than places can be named.
     TooMany {
