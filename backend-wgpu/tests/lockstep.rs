@@ -225,11 +225,13 @@ fn planted_faults_are_named() {
     let (large, many) = (scenes::soup(12_000, 0.4, 4), scenes::soup(20_000, 0.02, 3));
     let of_flat = (K::BinReferences, "if !axes[axis].divisible", "if false", balanced);
     let of_same = (K::SplitBinned, "node.inseparable == 1u", "false", balanced);
-    // Triangles small enough for the middle stage to finish.
+    // Triangles small enough for the middle stage to finish. Only with it does one workgroup say where chunks of children begin.
     let small = scenes::soup(12_000, 0.03, 9);
-    let plants = plants.map(|plant| match is_of_middle_stage(plant.0) {
-        true => (plant, &small),
-        false => (plant, &scene),
+    let plants = plants.map(|plant| {
+        match is_of_middle_stage(plant.0) || plant.1.starts_with("first_chunk") {
+            true => (plant, &small),
+            false => (plant, &scene),
+        }
     });
     let plants = plants.chain([(of_flat, &flat), (of_same, &same)]);
     let references = capped(BuildConfig { references_per_triangle: 1, ..fast });
