@@ -64,6 +64,11 @@ impl Branch {
     }
 }
 
+/// Areas are at most this, so that sums of all nodes' are finite: a cost that is not is no better than none, and then nodes are not
+/// counted. In units of the tree's bounds areas are near one, but for boxes that are widened by more than these bounds are wide: of triangles on one line
+/// at 1e33 two floats are 1e26 apart.
+const MOST_AREA: f32 = 1e20;
+
 /// No branch: a subtree without triangles.
 const NONE: u32 = u32::MAX;
 
@@ -129,10 +134,11 @@ impl Planner {
         self.scale
     }
 
-    /// Half the surface area, in whatever unit.
+    /// Half the surface area, in whatever unit; at most [`MOST_AREA`].
     fn area(&self, bounds: &Aabb) -> f32 {
         let [x, y, z] = [0, 1, 2].map(|axis| bounds.half_extent(axis) * self.scale);
-        x * y + y * z + z * x
+        // Of no area and one that is beyond all numbers the minimum is the number.
+        (x * y + y * z + z * x).min(MOST_AREA)
     }
 
     /// The costs of a leaf: a block is a child as it is, several have a place each or a node of their own.
