@@ -74,6 +74,12 @@ impl Failure {
         Failure { status, text: text.into() }
     }
 
+    /// Of an update: what it was to change answers as before.
+    pub(crate) fn of_update(self) -> Failure {
+        let text = format!("{}; the scene answers as before the update", self.text);
+        Failure { text, ..self }
+    }
+
     /// Memory for so many bytes was refused.
     pub(crate) fn memory(bytes: usize) -> Failure {
         Failure::new(Status::OutOfMemory, format!("the system has no memory for {bytes} bytes"))
