@@ -28,7 +28,7 @@ pub enum Status {
     Handle = 7,
     /// Another call is changing the object, or is asking it while this one would change it.
     Busy = 8,
-    /// The scene was edited since its last update.
+    /// The scene was edited, and no update was tried since.
     Stale = 9,
     /// There is less room than the answer needs.
     Capacity = 10,
