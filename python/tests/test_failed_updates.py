@@ -15,6 +15,7 @@ from brute import sphere
 
 import splitplane
 from splitplane import MISS, Scene
+from splitplane._meshes import Meshes
 
 VERTICES, FACES = sphere(10, 7)
 
@@ -217,3 +218,13 @@ def test_vertices_that_are_not_finite_are_met_by_nothing() -> None:
     scene.replace_geometry(0, VERTICES, FACES)
     scene.update()
     assert answers(scene) == before
+
+
+def test_normals_of_what_was_only_edited_are_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = made()
+    before = answers(scene)
+    scene.replace_geometry(0, VERTICES[:, [1, 2, 0]] * 2, FACES[::-1])
+    too_little(scene)
+    monkeypatch.setattr(Meshes, "built", lambda self, updates: self.described.items())
+    after = answers(scene)
+    assert {name for name in before if before[name] != after[name]} == {"all normals", "masked normals", "ignoring normals"}
