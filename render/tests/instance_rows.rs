@@ -40,12 +40,12 @@ struct Stage {
 impl Stage {
     /// A floor, a stone, a lamp and two balls, and so many stones more.
     fn new(stones: usize) -> Stage {
-        let mut world = World::default();
-        world.materials = vec![
+        let materials = vec![
             Material::new("white", [0.8; 3]),
             Material::new("lamp", [0.0; 3]).with_emission([3.0, 2.0, 1.0]),
             Material::new("red", [0.8, 0.1, 0.1]),
         ];
+        let mut world = World { materials, ..World::default() };
         let (mut scene, mut first_triangles) = (Scene::new(), Vec::new());
         for (material, lo, hi) in [
             (0, [-20.0, -3.0, -20.0], [20.0, -2.0, 20.0]),
