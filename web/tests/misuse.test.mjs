@@ -91,6 +91,13 @@ test("each error has its code and the library's text", () => {
 });
 
 test("a scene whose update failed answers as before it, and keeps the edits", () => {
+    const wrong = (work, code, text) => assert.throws(work, (error) => {
+        assert.ok(error instanceof SplitplaneError, String(error));
+        assert.equal(error.code, code, error.message);
+        assert.match(error.message, text);
+        assert.ok(api.CODES.includes(error.code));
+        return true;
+    });
     const matrix = (x) => [1, 0, 0, x, 0, 1, 0, 0, 0, 0, 1, 0];
     const larger = positions.map((part) => 2 * part);
     const asked = rays(200, 1);
