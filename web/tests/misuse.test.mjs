@@ -24,14 +24,15 @@ test("a compiled part that is none is refused, and another one is taken", async 
 const { positions, indices } = sphere(6);
 const make = () => Tree.build(positions, indices);
 
+const wrong = (work, code, text) => assert.throws(work, (error) => {
+    assert.ok(error instanceof SplitplaneError, String(error));
+    assert.equal(error.code, code, error.message);
+    assert.match(error.message, text);
+    assert.ok(api.CODES.includes(error.code));
+    return true;
+});
+
 test("each error has its code and the library's text", () => {
-    const wrong = (work, code, text) => assert.throws(work, (error) => {
-        assert.ok(error instanceof SplitplaneError, String(error));
-        assert.equal(error.code, code, error.message);
-        assert.match(error.message, text);
-        assert.ok(api.CODES.includes(error.code));
-        return true;
-    });
     wrong(() => Tree.build([0, 0, 0]), "type", /positions must be a Float32Array or a WasmArray, but is Array/);
     wrong(() => Tree.build(positions, [0, 1, 2]), "type", /indices must be a Uint32Array/);
     wrong(() => Tree.build(new Float32Array(10), indices), "shape", /multiple of 3/);
@@ -91,13 +92,6 @@ test("each error has its code and the library's text", () => {
 });
 
 test("a scene whose update failed answers as before it, and keeps the edits", () => {
-    const wrong = (work, code, text) => assert.throws(work, (error) => {
-        assert.ok(error instanceof SplitplaneError, String(error));
-        assert.equal(error.code, code, error.message);
-        assert.match(error.message, text);
-        assert.ok(api.CODES.includes(error.code));
-        return true;
-    });
     const matrix = (x) => [1, 0, 0, x, 0, 1, 0, 0, 0, 0, 1, 0];
     const larger = positions.map((part) => 2 * part);
     const asked = rays(200, 1);
