@@ -40,7 +40,7 @@ enum splitplane_status
     SPLITPLANE_STATUS_HANDLE = 7,
     // Another call is changing the object, or is asking it while this one would change it.
     SPLITPLANE_STATUS_BUSY = 8,
-    // The scene was edited since its last update.
+    // The scene was edited, and no update was tried since.
     SPLITPLANE_STATUS_STALE = 9,
     // There is less room than the answer needs.
     SPLITPLANE_STATUS_CAPACITY = 10,
@@ -898,7 +898,7 @@ splitplane_status splitplane_scene_instance(struct splitplane_scene scene,
                                             uint32_t number,
                                             struct splitplane_instance *instance);
 
-// Brings a scene up to date with its edits: only what changed is made anew. After a failure queries answer once an update has succeeded. `options` and `report` may be NULL.
+// Brings a scene up to date with its edits: only what changed is made anew. After a failure queries answer as they did before it, and the edits stay: mend or undo them, and update again. `options` and `report` may be NULL.
 // A lazy scene has the settings that it was created with, so its `options` have to be NULL; nothing is built, and the report is 0.
 //
 // Threads: as for `splitplane_scene_add_geometry`.

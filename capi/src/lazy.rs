@@ -8,6 +8,7 @@ use library::objects::{LazyScene, Scene as Description};
 use crate::buffer::{check, write};
 use crate::build_settings::Build;
 use crate::built::Built;
+use crate::edits::Edits;
 use crate::entry::entry;
 use crate::handle::{Backend, Scene, get, insert};
 use crate::options::{BuildOptions, QueryOptions};
@@ -46,7 +47,7 @@ pub unsafe extern "C" fn splitplane_scene_create_lazy(
         let engine: Arc<dyn LibraryBackend> = engine;
         let lazy = LazyScene::new(engine, &description, &build.options())?;
         let built = Built::Lazy(Box::new(lazy));
-        let state = State { description, built, opened, edited: false };
+        let state = State { description, built, opened, edits: Edits::Taken };
         // SAFETY: there is room.
         unsafe { write(scene, insert(RwLock::new(state))?, "scene") }
     })

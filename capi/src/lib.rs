@@ -13,6 +13,7 @@ mod buffer;
 mod build_settings;
 mod built;
 mod casts;
+mod edits;
 mod entry;
 mod filter;
 mod handle;

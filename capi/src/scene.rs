@@ -14,6 +14,7 @@ use crate::backend::{Opened, hand_over};
 use crate::buffer::{check, check_offer, offer, read, text, write};
 use crate::build_settings::Build;
 use crate::built::Built;
+use crate::edits::Edits;
 use crate::entry::entry;
 use crate::handle::{Backend, Scene, free, get, insert};
 use crate::mesh::{Copies, Mesh};
@@ -27,19 +28,18 @@ pub struct State {
     pub(crate) description: Description,
     pub(crate) built: Built,
     pub(crate) opened: Arc<Opened>,
-    /// Whether the description was edited since it was built.
-    pub(crate) edited: bool,
+    pub(crate) edits: Edits,
 }
 
 /// What a handle of a scene names.
 pub type Object = RwLock<State>;
 
-/// Looks at a scene that is built as it is described.
+/// Looks at a scene whose edits have been tried: where their update failed, it answers without them.
 pub(crate) fn current(object: &Object) -> Result<RwLockReadGuard<'_, State>, Failure> {
     let state = look(object)?;
-    match state.edited {
-        false => Ok(state),
-        true => {
+    match state.edits {
+        Edits::Taken | Edits::Refused => Ok(state),
+        Edits::Waiting => {
             let text = "the scene was edited since its last update: call splitplane_scene_update";
             Err(Failure::new(Status::Stale, text))
         }
@@ -108,7 +108,7 @@ pub unsafe extern "C" fn splitplane_scene_create(backend: Backend, scene: *mut S
         let (opened, description) = (get(backend)?, Description::new());
         let built = opened.backend().build_scene(&description, &LibraryBuildOptions::default())?;
         let built = Built::Whole(built);
-        let state = State { description, built, opened, edited: false };
+        let state = State { description, built, opened, edits: Edits::Taken };
         // SAFETY: there is room.
         unsafe { write(scene, insert(RwLock::new(state))?, "scene") }
     })
@@ -130,7 +130,7 @@ pub(crate) fn edit<T>(
     let object = get(scene)?;
     let mut state = change(&object)?;
     let done = work(&mut state.description)?;
-    state.edited = true;
+    state.edits = Edits::Waiting;
     Ok(done)
 }
 
@@ -274,7 +274,7 @@ pub unsafe extern "C" fn splitplane_scene_instance(
     })
 }
 
-/// Brings a scene up to date with its edits: only what changed is made anew. After a failure queries answer once an update has succeeded. `options` and `report` may be NULL.
+/// Brings a scene up to date with its edits: only what changed is made anew. After a failure queries answer as they did before it, and the edits stay: mend or undo them, and update again. `options` and `report` may be NULL.
 /// A lazy scene has the settings that it was created with, so its `options` have to be NULL; nothing is built, and the report is 0.
 ///
 /// Threads: as for `splitplane_scene_add_geometry`.
@@ -298,17 +298,18 @@ pub unsafe extern "C" fn splitplane_scene_update(
             let text = "options: a lazy scene has the settings that it was created with";
             return Err(Failure::new(Status::Option, text));
         }
-        let State { description, built, opened, edited } = &mut *state;
+        let State { description, built, opened, edits } = &mut *state;
         let done = match built {
             Built::Whole(built) => pool::run(build.threads, || {
                 Ok(opened.backend().update_scene(&mut **built, description, &options)?)
-            })?,
-            Built::Lazy(lazy) => {
-                lazy.update(description)?;
-                LibraryReport::default()
-            }
+            }),
+            Built::Lazy(lazy) => match lazy.update(description) {
+                Ok(()) => Ok(LibraryReport::default()),
+                Err(error) => Err(error.into()),
+            },
         };
-        *edited = false;
+        *edits = edits.after_update(done.is_ok());
+        let done = done.map_err(Failure::of_update)?;
         let found = UpdateReport {
             geometries_built: done.geometries_built,
             geometries_dropped: done.geometries_dropped,
@@ -435,7 +436,7 @@ unsafe fn load(
         Ok(opened.backend().load_scene(&SceneFile::parse(bytes)?, &limits)?)
     })?;
     let built = Built::Whole(built);
-    let state = State { description, built, opened, edited: false };
+    let state = State { description, built, opened, edits: Edits::Taken };
     // SAFETY: there is room.
     unsafe { write(scene, insert(RwLock::new(state))?, "scene") }
 }

@@ -28,7 +28,7 @@ pub enum Status {
     Handle = 7,
     /// Another call is changing the object, or is asking it while this one would change it.
     Busy = 8,
-    /// The scene was edited since its last update.
+    /// The scene was edited, and no update was tried since.
     Stale = 9,
     /// There is less room than the answer needs.
     Capacity = 10,
@@ -72,6 +72,12 @@ pub(crate) struct Failure {
 impl Failure {
     pub(crate) fn new(status: Status, text: impl Into<String>) -> Failure {
         Failure { status, text: text.into() }
+    }
+
+    /// Of an update: what it was to change answers as before.
+    pub(crate) fn of_update(self) -> Failure {
+        let text = format!("{}; the scene answers as before the update", self.text);
+        Failure { text, ..self }
     }
 
     /// Memory for so many bytes was refused.

@@ -5,3 +5,4 @@ mod header;
 mod misuse;
 mod near;
 mod own;
+mod refused;

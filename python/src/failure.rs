@@ -21,6 +21,12 @@ impl Failure {
         Failure { class, text: text.into() }
     }
 
+    /// Of an update: what it was to change answers as before.
+    pub(crate) fn of_update(self) -> Failure {
+        let text = format!("{}; the scene answers as before the update", self.text);
+        Failure { text, ..self }
+    }
+
     /// Memory for this many things was refused.
     pub(crate) fn memory(bytes: usize) -> Failure {
         Failure::new("OutOfMemoryError", format!("the system has no memory for {bytes} bytes"))

@@ -5,6 +5,7 @@ mod answers;
 mod arrays;
 mod built;
 mod call;
+mod edits;
 mod failure;
 mod ignored;
 mod named;

@@ -1,6 +1,7 @@
 //! A scene of many objects: its description, and what is built of it.
 
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 use numpy::{
@@ -21,6 +22,7 @@ use crate::answers::{Columns, Crossings, located};
 use crate::arrays::{flat, reserved, room, room_for_rows, rows};
 use crate::built::Built;
 use crate::call::{Call, Part};
+use crate::edits::Edits;
 use crate::failure::Failure;
 use crate::ignored::IgnoredList;
 use crate::open::{Opened, open};
@@ -33,14 +35,15 @@ pub(crate) struct State {
     description: Description,
     pub(crate) built: Built,
     opened: Arc<Opened>,
-    /// Whether the description was edited since it was built.
-    edited: bool,
+    edits: Edits,
 }
 
 /// See `splitplane.Scene`.
 #[pyclass(frozen, module = "splitplane._native")]
 pub(crate) struct Scene {
     state: RwLock<State>,
+    /// Updates that have succeeded.
+    updates: AtomicU64,
 }
 
 /// What rays pass: one (instance, triangle), or rows of them.
@@ -57,6 +60,11 @@ type Options<'py> = (String, String, u32, Option<Ignore<'py>>);
 type Arrays<'py> = (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<u32>>);
 
 impl Scene {
+    fn of(description: Description, built: Built, opened: Arc<Opened>) -> Scene {
+        let state = State { description, built, opened, edits: Edits::Taken };
+        Scene { state: RwLock::new(state), updates: AtomicU64::new(0) }
+    }
+
     fn read(&self) -> Result<RwLockReadGuard<'_, State>, Failure> {
         self.state.try_read().map_err(|_| busy())
     }
@@ -72,7 +80,7 @@ impl Scene {
     ) -> Result<T, Failure> {
         let mut state = self.write()?;
         let done = work(&mut state.description)?;
-        state.edited = true;
+        state.edits = Edits::Waiting;
         Ok(done)
     }
 
@@ -84,16 +92,16 @@ impl Scene {
         work(&self.read()?.description)
     }
 
-    /// What is built, which has to be what is described.
+    /// What is built. Edits after it have to have been tried: where their update failed, it answers without them.
     pub(crate) fn current(&self) -> Result<RwLockReadGuard<'_, State>, Failure> {
         let state = self.read()?;
         state.opened.check_process()?;
-        match state.edited {
-            true => Err(Failure::new(
+        match state.edits {
+            Edits::Waiting => Err(Failure::new(
                 "StaleError",
                 "the scene was edited since it was built; call update()",
             )),
-            false => Ok(state),
+            Edits::Taken | Edits::Refused => Ok(state),
         }
     }
 }
@@ -149,6 +157,37 @@ fn lazily(
     Ok(LazyScene::new(backend, description, options)?)
 }
 
+/// Makes of what is built what is described. After an error it is what it was.
+fn bring_up_to_date(
+    opened: &Opened,
+    description: &Description,
+    built: &mut Built,
+    options: &BuildOptions<'_>,
+) -> Result<BTreeMap<&'static str, u64>, Failure> {
+    match built {
+        Built::Whole(scene) => {
+            let done = opened.backend().update_scene(&mut **scene, description, options)?;
+            Ok(BTreeMap::from([
+                ("geometries_built", u64::from(done.geometries_built)),
+                ("geometries_dropped", u64::from(done.geometries_dropped)),
+                ("instances_changed", u64::from(done.instances_changed)),
+                ("top_nodes_changed", done.top_nodes_changed),
+                ("top_rebuilt", u64::from(done.top == TopUpdate::Rebuilt)),
+            ]))
+        }
+        Built::Lazy(scene, limit) => {
+            match *limit == options.max_memory {
+                true => scene.update(description)?,
+                // The limit is one of the whole scene, so it begins anew.
+                false => **scene = lazily(opened, description, options)?,
+            }
+            *limit = options.max_memory;
+            let (kept, waiting) = (scene.built() as u64, scene.waiting() as u64);
+            Ok(BTreeMap::from([("geometries_kept", kept), ("geometries_waiting", waiting)]))
+        }
+    }
+}
+
 #[pymethods]
 impl Scene {
     /// A scene without anything.
@@ -172,7 +211,7 @@ impl Scene {
                 Built::Whole(built.map_err(Failure::from)?)
             }
         };
-        Ok(Scene { state: RwLock::new(State { description, built, opened, edited: false }) })
+        Ok(Scene::of(description, built, opened))
     }
 
     /// A scene of the bytes of a scene file.
@@ -193,7 +232,7 @@ impl Scene {
             Ok(opened.backend().load_scene(&SceneFile::parse(bytes)?, &limits)?)
         })?;
         let built = Built::Whole(built);
-        Ok(Scene { state: RwLock::new(State { description, built, opened, edited: false }) })
+        Ok(Scene::of(description, built, opened))
     }
 
     /// The bytes of a scene file.
@@ -213,7 +252,7 @@ impl Scene {
         let mesh = Mesh::indexed(vertices, faces).map_err(Failure::from)?;
         let mut state = self.write()?;
         let geometry = state.description.add_mesh(&mesh).map_err(Failure::from)?;
-        state.edited = true;
+        state.edits = Edits::Waiting;
         Ok(geometry.0)
     }
 
@@ -228,14 +267,14 @@ impl Scene {
         let mesh = Mesh::indexed(vertices, faces).map_err(Failure::from)?;
         let mut state = self.write()?;
         state.description.replace_mesh(GeometryId(geometry), &mesh).map_err(Failure::from)?;
-        state.edited = true;
+        state.edits = Edits::Waiting;
         Ok(())
     }
 
     fn remove_geometry(&self, geometry: u32) -> PyResult<()> {
         let mut state = self.write()?;
         state.description.remove_geometry(GeometryId(geometry)).map_err(Failure::from)?;
-        state.edited = true;
+        state.edits = Edits::Waiting;
         Ok(())
     }
 
@@ -253,7 +292,7 @@ impl Scene {
         let mut state = self.write()?;
         let instance = Instance { geometry, transform, mask, id, culling };
         let name = state.description.add_instance(instance).map_err(Failure::from)?;
-        state.edited = true;
+        state.edits = Edits::Waiting;
         Ok(name.0)
     }
 
@@ -280,14 +319,14 @@ impl Scene {
             becomes.culling = culling(side)?;
         }
         state.description.set_instance(InstanceId(instance), becomes).map_err(Failure::from)?;
-        state.edited = true;
+        state.edits = Edits::Waiting;
         Ok(())
     }
 
     fn remove_instance(&self, instance: u32) -> PyResult<()> {
         let mut state = self.write()?;
         state.description.remove_instance(InstanceId(instance)).map_err(Failure::from)?;
-        state.edited = true;
+        state.edits = Edits::Waiting;
         Ok(())
     }
 
@@ -324,9 +363,14 @@ impl Scene {
         ))
     }
 
-    /// Whether the scene was edited since it was built.
+    /// Whether the scene was edited since the last update that succeeded.
     fn edited(&self) -> PyResult<bool> {
-        Ok(self.read()?.edited)
+        Ok(self.read()?.edits != Edits::Taken)
+    }
+
+    /// How many updates have succeeded.
+    fn updates(&self) -> u64 {
+        self.updates.load(Ordering::Acquire)
     }
 
     /// Brings what is built up to date. What was done, by name.
@@ -338,36 +382,21 @@ impl Scene {
     ) -> PyResult<BTreeMap<&'static str, u64>> {
         let options = build_options(&arguments)?;
         let mut state = self.write()?;
-        let State { description, built, opened, edited } = &mut *state;
+        let State { description, built, opened, edits } = &mut *state;
         opened.check_process()?;
+        let mut has_succeeded = false;
         let done = call.run(py, |watcher| {
             let options = BuildOptions { watch: Some(watcher), ..options };
-            match built {
-                Built::Whole(scene) => {
-                    let done =
-                        opened.backend().update_scene(&mut **scene, description, &options)?;
-                    Ok(BTreeMap::from([
-                        ("geometries_built", u64::from(done.geometries_built)),
-                        ("geometries_dropped", u64::from(done.geometries_dropped)),
-                        ("instances_changed", u64::from(done.instances_changed)),
-                        ("top_nodes_changed", done.top_nodes_changed),
-                        ("top_rebuilt", u64::from(done.top == TopUpdate::Rebuilt)),
-                    ]))
-                }
-                Built::Lazy(scene, limit) => {
-                    match *limit == options.max_memory {
-                        true => scene.update(description)?,
-                        // The limit is one of the whole scene, so it begins anew.
-                        false => **scene = lazily(opened, description, &options)?,
-                    }
-                    *limit = options.max_memory;
-                    let (kept, waiting) = (scene.built() as u64, scene.waiting() as u64);
-                    Ok(BTreeMap::from([("geometries_kept", kept), ("geometries_waiting", waiting)]))
-                }
-            }
-        })?;
-        *edited = false;
-        Ok(done)
+            let done = bring_up_to_date(opened, description, built, &options);
+            has_succeeded = done.is_ok();
+            done.map_err(Failure::of_update)
+        });
+        // A callback's exception that comes when the work is done is raised, but undoes nothing.
+        *edits = edits.after_update(has_succeeded);
+        if has_succeeded {
+            self.updates.fetch_add(1, Ordering::Release);
+        }
+        done
     }
 
     fn digest(&self, py: Python<'_>) -> PyResult<String> {

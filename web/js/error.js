@@ -26,7 +26,7 @@ export const CODES = Object.freeze([
     "wrong-mesh", // a tree of another mesh
     "file", // bytes that are not a tree file
     "unknown", // no geometry or instance of this name
-    "stale", // a scene that was edited and not updated
+    "stale", // a scene that was edited, and for which no update was tried since
     "scene", // a scene that cannot be
     "threads", // there can be no threads here: the page is not isolated, or it is a window's own thread
     "no-webgpu", // a browser without WebGPU, or without an adapter for it

@@ -365,7 +365,7 @@ export interface AnyScene {
 
 /**
  * Meshes and instances of them on a GPU. Accuracy is `watertight`: others are refused with code `config`. While an update is under way edits and queries are refused with
- * code `busy`, as is an update while rays are. Free it after use.
+ * code `busy`, as is an update while rays are. After an update that failed it answers as before it, and keeps the edits. Free it after use.
  */
 export class GpuScene implements AnyScene {
     private constructor();
@@ -384,7 +384,7 @@ export class GpuScene implements AnyScene {
     [Symbol.dispose](): void;
 }
 
-/** Meshes and instances of them. Edit it, `update` it, ask it. Free it after use. */
+/** Meshes and instances of them. Edit it, `update` it, ask it. After an update that failed it answers as before it, and keeps the edits. Free it after use. */
 export class Scene implements AnyScene {
     constructor();
     /** A copy of a mesh; its name. */

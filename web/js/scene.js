@@ -68,8 +68,9 @@ export class Scene extends Instances {
         const settings = buildOptions(known);
         const watch = watcher(known);
         watch.run(() => {
-            this.#version += 1;
             this.#calls.changing(() => own.update(...settings, watch.called));
+            // After a failure batches that are under way go on with the scene that they began with.
+            this.#version += 1;
         });
     }
 

@@ -19,6 +19,12 @@ impl Failure {
         Failure { code, text: text.into() }
     }
 
+    /// Of an update: what it was to change answers as before.
+    pub(crate) fn of_update(self) -> Failure {
+        let text = format!("{}; the scene answers as before the update", self.text);
+        Failure { text, ..self }
+    }
+
     /// Memory for this many bytes was refused.
     pub(crate) fn memory(bytes: usize) -> Failure {
         Failure::new("out-of-memory", format!("there is no memory for {bytes} bytes"))

@@ -14,6 +14,7 @@ use splitplane_wgpu::query::WgpuScene;
 use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::future_to_promise;
 
+use crate::edits::Edits;
 use crate::failure::Failure;
 use crate::mesh::mesh;
 use crate::named::{build_options, culling, scene_options, transform};
@@ -32,8 +33,7 @@ struct State {
     description: Description,
     /// Shared with batches that are under way.
     built: Option<Rc<WgpuScene>>,
-    /// Whether the description was edited since it was built.
-    is_edited: bool,
+    edits: Edits,
 }
 
 fn updating() -> Failure {
@@ -42,7 +42,7 @@ fn updating() -> Failure {
 
 impl GpuScene {
     pub(crate) fn new(backend: Rc<WgpuBackend>) -> GpuScene {
-        let state = State { description: Description::new(), built: None, is_edited: true };
+        let state = State { description: Description::new(), built: None, edits: Edits::Waiting };
         GpuScene { backend, state: Rc::new(RefCell::new(Some(state))) }
     }
 
@@ -54,15 +54,15 @@ impl GpuScene {
         let mut state = self.state.borrow_mut();
         let state = state.as_mut().ok_or_else(updating)?;
         let done = edit(&mut state.description).map_err(Into::into)?;
-        state.is_edited = true;
+        state.edits = Edits::Waiting;
         Ok(done)
     }
 
-    /// What is built, which has to be what is described.
+    /// What is built. Edits after it have to have been tried: where their update failed, it answers without them.
     fn built(&self) -> Result<Rc<WgpuScene>, Failure> {
         let state = self.state.borrow();
         let state = state.as_ref().ok_or_else(updating)?;
-        let built = state.built.as_ref().filter(|_| !state.is_edited);
+        let built = state.built.as_ref().filter(|_| state.edits != Edits::Waiting);
         let text = "the scene was edited since it was built; await updateAsync()";
         built.map(Rc::clone).ok_or_else(|| Failure::new("stale", text))
     }
@@ -163,9 +163,13 @@ impl GpuScene {
                     built.map(|built| state.built = Some(Rc::new(built)))
                 }
             };
-            state.is_edited &= done.is_err();
+            state.edits = state.edits.after_update(done.is_ok());
+            let answers = state.built.is_some();
             place.replace(Some(state));
-            done.map_err(Failure::from)?;
+            done.map_err(Failure::from).map_err(|failure| match answers {
+                true => failure.of_update(),
+                false => failure,
+            })?;
             Ok(JsValue::UNDEFINED)
         }))
     }

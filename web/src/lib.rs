@@ -8,6 +8,8 @@
 )]
 
 mod crossings;
+#[cfg(any(feature = "gpu", not(feature = "page")))]
+mod edits;
 mod failure;
 #[cfg(feature = "gpu")]
 mod gpu;

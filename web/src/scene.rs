@@ -7,6 +7,7 @@ use splitplane::objects::{
 use splitplane::{Backend, BuildOptions, CpuBackend, Ray};
 use wasm_bindgen::prelude::*;
 
+use crate::edits::Edits;
 use crate::failure::Failure;
 use crate::mesh::mesh;
 use crate::named::{build_options, culling, scene_options, transform};
@@ -18,18 +19,17 @@ use crate::words::{Words, zeros};
 pub struct Scene {
     description: Description,
     built: Box<dyn SceneAccelerator>,
-    /// Whether the description was edited since it was built.
-    is_edited: bool,
+    edits: Edits,
 }
 
 impl Scene {
-    /// What is built, which has to be what is described.
+    /// What is built. Edits after it have to have been tried: where their update failed, it answers without them.
     fn current(&self) -> Result<&dyn SceneAccelerator, Failure> {
-        match self.is_edited {
-            true => {
+        match self.edits {
+            Edits::Waiting => {
                 Err(Failure::new("stale", "the scene was edited since it was built; call update()"))
             }
-            false => Ok(&*self.built),
+            Edits::Taken | Edits::Refused => Ok(&*self.built),
         }
     }
 }
@@ -41,7 +41,7 @@ impl Scene {
     pub fn new() -> Result<Scene, JsValue> {
         let description = Description::new();
         let built = CpuBackend::new().build_scene(&description, &BuildOptions::default());
-        Ok(Scene { description, built: built.map_err(Failure::from)?, is_edited: false })
+        Ok(Scene { description, built: built.map_err(Failure::from)?, edits: Edits::Taken })
     }
 
     /// Adds a mesh; its name.
@@ -54,7 +54,7 @@ impl Scene {
     ) -> Result<u32, JsValue> {
         let mesh = mesh(positions, indices, is_indexed)?;
         let name = self.description.add_mesh(&mesh).map_err(Failure::from)?;
-        self.is_edited = true;
+        self.edits = Edits::Waiting;
         Ok(name.0)
     }
 
@@ -62,7 +62,7 @@ impl Scene {
     #[wasm_bindgen(js_name = removeGeometry)]
     pub fn remove_geometry(&mut self, geometry: u32) -> Result<(), JsValue> {
         self.description.remove_geometry(GeometryId(geometry)).map_err(Failure::from)?;
-        self.is_edited = true;
+        self.edits = Edits::Waiting;
         Ok(())
     }
 
@@ -81,7 +81,7 @@ impl Scene {
             ..Instance::new(GeometryId(geometry), transform(matrix)?)
         };
         let name = self.description.add_instance(instance).map_err(Failure::from)?;
-        self.is_edited = true;
+        self.edits = Edits::Waiting;
         Ok(name.0)
     }
 
@@ -90,7 +90,7 @@ impl Scene {
     pub fn move_instance(&mut self, instance: u32, matrix: &[f32]) -> Result<(), JsValue> {
         let (name, matrix) = (InstanceId(instance), transform(matrix)?);
         self.description.move_instance(name, matrix).map_err(Failure::from)?;
-        self.is_edited = true;
+        self.edits = Edits::Waiting;
         Ok(())
     }
 
@@ -98,7 +98,7 @@ impl Scene {
     #[wasm_bindgen(js_name = removeInstance)]
     pub fn remove_instance(&mut self, instance: u32) -> Result<(), JsValue> {
         self.description.remove_instance(InstanceId(instance)).map_err(Failure::from)?;
-        self.is_edited = true;
+        self.edits = Edits::Waiting;
         Ok(())
     }
 
@@ -112,12 +112,12 @@ impl Scene {
     ) -> Result<(), JsValue> {
         let options = build_options(preset, layout, max_memory)?;
         let (built, description) = (&mut *self.built, &self.description);
-        watched(called, |watch| {
+        let done = watched(called, |watch| {
             let options = BuildOptions { watch, ..options };
             CpuBackend::new().update_scene(built, description, &options)
-        })
-        .map_err(Failure::from)?;
-        self.is_edited = false;
+        });
+        self.edits = self.edits.after_update(done.is_ok());
+        done.map_err(|error| Failure::from(error).of_update())?;
         Ok(())
     }
 

@@ -24,14 +24,15 @@ test("a compiled part that is none is refused, and another one is taken", async 
 const { positions, indices } = sphere(6);
 const make = () => Tree.build(positions, indices);
 
+const wrong = (work, code, text) => assert.throws(work, (error) => {
+    assert.ok(error instanceof SplitplaneError, String(error));
+    assert.equal(error.code, code, error.message);
+    assert.match(error.message, text);
+    assert.ok(api.CODES.includes(error.code));
+    return true;
+});
+
 test("each error has its code and the library's text", () => {
-    const wrong = (work, code, text) => assert.throws(work, (error) => {
-        assert.ok(error instanceof SplitplaneError, String(error));
-        assert.equal(error.code, code, error.message);
-        assert.match(error.message, text);
-        assert.ok(api.CODES.includes(error.code));
-        return true;
-    });
     wrong(() => Tree.build([0, 0, 0]), "type", /positions must be a Float32Array or a WasmArray, but is Array/);
     wrong(() => Tree.build(positions, [0, 1, 2]), "type", /indices must be a Uint32Array/);
     wrong(() => Tree.build(new Float32Array(10), indices), "shape", /multiple of 3/);
@@ -88,6 +89,49 @@ test("each error has its code and the library's text", () => {
     scene.update();
     wrong(() => scene.moveInstance(7, new Float32Array(12)), "unknown", /instance/);
     scene.free();
+});
+
+test("a scene whose update failed answers as before it, and keeps the edits", () => {
+    const matrix = (x) => [1, 0, 0, x, 0, 1, 0, 0, 0, 0, 1, 0];
+    const larger = positions.map((part) => 2 * part);
+    const asked = rays(200, 1);
+    const answers = (own) => {
+        const hits = own.closestHits(asked);
+        const kinds = ["t", "u", "v", "triangle", "geometry", "instance"].map((name) => Array.from(hits[name]));
+        return JSON.stringify([own.digest, kinds, Array.from(own.anyHits(asked)), Array.from(own.anyHits(asked, { mask: 2 }))]);
+    };
+    const begun = () => {
+        const own = new Scene();
+        const geometry = own.addGeometry(positions, indices);
+        own.addInstance(geometry, matrix(0), { mask: 1 });
+        own.addInstance(geometry, matrix(3), { mask: 2 });
+        own.update();
+        return own;
+    };
+    const edit = (own) => {
+        own.moveInstance(0, matrix(0.25));
+        own.removeInstance(1);
+        own.addInstance(own.addGeometry(larger, indices), matrix(1), { mask: 2 });
+    };
+    const fresh = begun();
+    edit(fresh);
+    fresh.update();
+    const failures = [{ maxMemory: 500 }, { progress: () => false }];
+    for (const [place, code] of ["out-of-memory", "cancelled"].entries()) {
+        const own = begun();
+        const before = answers(own);
+        edit(own);
+        wrong(() => own.closestHits(asked), "stale", /update\(\)/);
+        wrong(() => own.update(failures[place]), code, /answers as before the update$/);
+        assert.equal(answers(own), before);
+        wrong(() => own.moveInstance(0, new Float32Array(12)), "scene", /transform|inverse/);
+        assert.equal(answers(own), before);
+        own.update();
+        assert.equal(answers(own), answers(fresh));
+        assert.notEqual(answers(own), before);
+        own.free();
+    }
+    fresh.free();
 });
 
 test("an exception of the progress callback is passed on, and the work has ended", () => {

@@ -133,7 +133,7 @@ pub(super) fn query_options() -> QueryOptions {
     }
 }
 
-fn build_options() -> BuildOptions {
+pub(super) fn build_options() -> BuildOptions {
     let mut options = std::mem::MaybeUninit::uninit();
     // SAFETY: there is room, which is then filled.
     unsafe {

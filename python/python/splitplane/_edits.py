@@ -10,6 +10,7 @@ from . import _arrays as arrays
 from . import _native
 from ._arrays import F32, MISS, U32, Bool, Progress
 from ._handle import Handle
+from ._meshes import Meshes
 from ._options import Backend, BuildArguments
 from .errors import ConfigError, DtypeError, ShapeError
 
@@ -51,7 +52,7 @@ class Edits(Handle[_native.Scene]):
 
     _arguments: BuildArguments
     _backend: Backend
-    _meshes: dict[int, tuple[F32, U32]]
+    _meshes: Meshes
 
     # Edits.
 
@@ -60,7 +61,7 @@ class Edits(Handle[_native.Scene]):
         native = self._native
         own, index, _ = arrays.mesh_of(vertices, faces, None)
         name = native.add_geometry(own, index)
-        self._meshes[name] = own, index
+        self._meshes.change(name, (own, index), native.updates())
         return name
 
     def replace_geometry(self, geometry: int, vertices: Any, faces: Any = None) -> None:
@@ -68,7 +69,7 @@ class Edits(Handle[_native.Scene]):
         native, name = self._native, arrays.whole(geometry, "geometry")
         own, index, _ = arrays.mesh_of(vertices, faces, None)
         native.replace_geometry(name, own, index)
-        self._meshes[name] = own, index
+        self._meshes.change(name, (own, index), native.updates())
 
     def add_shapes(self, shapes: Any, kind: str = "spheres") -> int:
         """Adds a geometry of shapes; its name. Hits name a shape as they do a face.
@@ -110,7 +111,7 @@ class Edits(Handle[_native.Scene]):
         if cells.ndim != 2 or cells.shape[1] != 4 ** max(level, 0):
             raise ShapeError(f"opaque has shape {cells.shape}, but must have (faces, 4**level)")
         if self.kind(name) == "triangles":
-            faces = len(self._meshes[name][1])
+            faces = len(self._meshes.described[name][1])
             if len(cells) != faces:
                 raise ShapeError(f"opaque has {len(cells)} rows, but geometry {name} has {faces} faces")
         bits = np.packbits(cells.reshape(-1), bitorder="little")
@@ -137,7 +138,7 @@ class Edits(Handle[_native.Scene]):
         """Removes a geometry that has no instances."""
         name = arrays.whole(geometry, "geometry")
         self._native.remove_geometry(name)
-        self._meshes.pop(name, None)
+        self._meshes.change(name, None, self._native.updates())
 
     def add_instance(self, geometry: int, transform: Any = None, *, mask: int = MISS, id: int = 0, culling: str = "none") -> int:
         """Places a geometry; the instance's name.
@@ -190,7 +191,11 @@ class Edits(Handle[_native.Scene]):
     def update(
         self, *, max_memory: int | None = None, threads: int | None = None, progress: Progress | None = None
     ) -> dict[str, int]:
-        """Brings what answers up to date, and says what was done. After an error it is what it was.
+        """Brings what answers up to date, and says what was done.
+
+        After an error, a cancellation or Ctrl-C queries answer as they did before, whatever was edited since the last update that succeeded; before the
+        first one the scene is empty. The edits stay: mend them or undo them, and update again. An exception of ``progress`` that comes when all is
+        done already is raised, and undoes nothing; :attr:`stale` says so.
 
         Of a lazy scene it builds no geometry; ``max_memory`` then holds for what queries build, and another one than before begins anew.
         """
@@ -225,7 +230,7 @@ class Edits(Handle[_native.Scene]):
 
     @property
     def stale(self) -> bool:
-        """Whether it was edited since the last update."""
+        """Whether it was edited since the last update that succeeded."""
         return self._native.edited()
 
     @property

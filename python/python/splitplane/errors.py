@@ -44,7 +44,7 @@ class UnknownNameError(SceneError, LookupError):
 
 
 class StaleError(SplitplaneError, RuntimeError):
-    """A scene was edited since it was built: call ``update()`` first."""
+    """A scene was edited, and ``update()`` was not called since."""
 
 
 class BuildError(SplitplaneError, RuntimeError):

@@ -11,6 +11,7 @@ from . import _arrays as arrays
 from . import _native
 from ._arrays import F32, F64, I64, MISS, U32, Bool, Progress
 from ._edits import Edits
+from ._meshes import Meshes
 from ._options import backend_arguments, build_arguments, ignored_instance, ignored_list
 from .errors import DtypeError
 from .results import Located, Report, SceneClosestPoints, SceneCrossings, SceneHits, SceneOverlaps
@@ -20,8 +21,8 @@ from .tree import distances_and_points, file_of, hits_in, hits_of, normals_of, o
 class Scene(Edits):
     """Geometries, which are meshes or shapes, and instances, which place them in the world.
 
-    Edit it, call :meth:`update`, ask. An update makes anew only what changed. Queries of a scene that was edited and not
-    updated raise StaleError. Rays, points, ``threads`` and ``progress`` are those of :class:`splitplane.Tree`; ``mask``: an instance
+    Edit it, call :meth:`update`, ask. An update makes anew only what changed. Queries of a scene that was edited, and for which
+    :meth:`update` was not called since, raise StaleError. After an update that failed they answer as before it. Rays, points, ``threads`` and ``progress`` are those of :class:`splitplane.Tree`; ``mask``: an instance
     answers where its mask and that of the query have a bit in common.
 
     ``ignore`` of rays: an instance and a face of it, or an array (k, 2) of such pairs, whole numbers; :data:`splitplane.MISS` in place of a
@@ -48,7 +49,7 @@ class Scene(Edits):
         if not isinstance(lazy, (bool, np.bool_)):
             raise DtypeError(f"lazy must be True or False, not {lazy!r}")
         self._own = _native.Scene(self._arguments, self._backend, bool(lazy))
-        self._meshes = {}
+        self._meshes = Meshes({})
 
     # Queries.
 
@@ -263,11 +264,11 @@ class Scene(Edits):
         return np.where(located.boundary, 0.0, distance)
 
     def normals(self, geometry: Any, triangle: Any) -> F64:
-        """Unit normals of faces in their geometries' own spaces: float64 (..., 3); NaN for a miss, and for shapes."""
-        self._native
+        """Unit normals of faces in their geometries' own spaces: float64 (..., 3); NaN for a miss, and for shapes. Of geometries as queries meet them."""
+        native = self._native
         names, faces = np.broadcast_arrays(arrays.as_array(geometry, "geometry"), arrays.as_array(triangle, "triangle"))
         normals = np.full((*names.shape, 3), np.nan)
-        for name, (vertices, index) in self._meshes.items():
+        for name, (vertices, index) in self._meshes.built(native.updates()):
             here = names == name
             normals[here] = normals_of(vertices, index, faces[here])
         return normals
@@ -305,7 +306,7 @@ class Scene(Edits):
         scene = cls.__new__(cls)
         scene._own = _native.Scene.load(file_of(source), arguments, device, call)
         scene._arguments, scene._backend = arguments, device
-        scene._meshes = meshes_of(scene._own)
+        scene._meshes = Meshes(meshes_of(scene._own))
         return scene
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -321,5 +322,5 @@ def _restored(data: bytes, arguments: Any, backend: Any) -> Scene:
     scene = Scene.__new__(Scene)
     scene._own = _native.Scene.load(file_of(data), arguments, backend, (None, None))
     scene._arguments, scene._backend = arguments, backend
-    scene._meshes = meshes_of(scene._own)
+    scene._meshes = Meshes(meshes_of(scene._own))
     return scene

@@ -7,7 +7,7 @@ use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::{Arithmetic, Strict, snap};
 use splitplane_core::backend::scene::BuiltScene;
 use splitplane_core::ray::{Hit, Ray};
-use splitplane_core::scene::{GeometryMesh, Placement, Transform};
+use splitplane_core::scene::{Changes, GeometryMesh, InstanceId, Placement, Transform};
 use splitplane_core::triangle::Triangle;
 use std::sync::Arc;
 
@@ -48,6 +48,55 @@ pub struct InstanceTable {
     rows: Vec<Option<Shown>>,
     /// The geometries that consist of shapes.
     shapes: Vec<Arc<GeometryMesh>>,
+    /// What rows say of the geometries, by name.
+    parts: Vec<Option<Part>>,
+    /// The materials that rows were made with.
+    materials: Vec<u32>,
+}
+
+/// A geometry, as rows of its instances know it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Part {
+    /// The number of its first triangle among those of all.
+    first: u32,
+    triangles: u32,
+    /// Its place among the geometries of shapes, or [`NONE`].
+    shapes: u32,
+}
+
+/// All geometries by name, and those of shapes.
+type Parts = (Vec<Option<Part>>, Vec<Arc<GeometryMesh>>);
+
+/// What rows say of a scene's geometries.
+///
+/// # Errors
+/// Triangles that do not lie among so many.
+fn parts(
+    scene: &BuiltScene,
+    geometries: &Geometries<'_>,
+    triangles: u32,
+) -> Result<Parts, AppearanceError> {
+    let (mut parts, mut shapes) = (Vec::new(), Vec::new());
+    for (name, geometry) in scene.geometries() {
+        let given = geometries.first_triangles.get(name.0 as usize).copied();
+        let count = geometry.mesh().mesh().len() as u32;
+        let part = if geometry.shapes().is_some() {
+            shapes.push(Arc::clone(geometry.mesh()));
+            let place = shapes.len() as u32 - 1;
+            Part { first: given.unwrap_or(0), triangles: count, shapes: place }
+        } else {
+            let missing = || AppearanceError::MissingGeometry { geometry: name.0 };
+            let first = given.ok_or_else(missing)?;
+            let end = first.checked_add(count).ok_or_else(missing)?;
+            if end > triangles {
+                return Err(missing());
+            }
+            Part { first, triangles: count, shapes: NONE }
+        };
+        parts.resize(name.0 as usize, None);
+        parts.push(Some(part));
+    }
+    Ok((parts, shapes))
 }
 
 impl Shown {
@@ -162,36 +211,80 @@ impl InstanceTable {
         geometries: &Geometries<'_>,
         triangles: u32,
     ) -> Result<(), AppearanceError> {
-        for (name, geometry) in scene.geometries() {
-            if geometry.shapes().is_some() {
-                continue;
+        self.update_changed(scene, geometries, triangles, Changes::Unknown).map(drop)
+    }
+
+    /// As [`InstanceTable::update`], where it is known which instances of the description changed since the last update of the table: only their rows are
+    /// written, and those with other materials. All are where a geometry has other numbers of triangles, or is one of shapes where it was none.
+    /// How many rows were written. What it takes besides grows with the number of geometries; of all instances only the materials are compared, as one list.
+    ///
+    /// # Errors
+    /// As for [`InstanceTable::new`]; nothing has changed then.
+    pub(crate) fn update_changed(
+        &mut self,
+        scene: &BuiltScene,
+        geometries: &Geometries<'_>,
+        triangles: u32,
+        changes: Changes<'_>,
+    ) -> Result<u64, AppearanceError> {
+        let (parts, shapes) = parts(scene, geometries, triangles)?;
+        let are_known = parts == self.parts;
+        (self.parts, self.shapes) = (parts, shapes);
+        let mut written = 0;
+        match changes {
+            Changes::These(names) if are_known => {
+                let others = self.other_materials(geometries.materials);
+                let mut names: Vec<u32> = names.iter().map(|name| name.0).chain(others).collect();
+                names.sort_unstable();
+                names.dedup();
+                for name in names {
+                    self.write(scene, geometries, InstanceId(name));
+                    written += 1;
+                }
             }
-            let missing = || AppearanceError::MissingGeometry { geometry: name.0 };
-            let first = geometries.first_triangles.get(name.0 as usize).ok_or_else(missing)?;
-            let end = first.checked_add(geometry.mesh().mesh().len() as u32).ok_or_else(missing)?;
-            if end > triangles {
-                return Err(missing());
+            _ => {
+                self.rows.clear();
+                for (name, _) in scene.placements() {
+                    self.write(scene, geometries, name);
+                    written += 1;
+                }
             }
         }
-        self.rows.clear();
-        self.shapes.clear();
-        let mut numbers =
-            vec![NONE; scene.geometries().last().map_or(0, |(name, _)| name.0 as usize + 1)];
-        for (name, geometry) in scene.geometries().filter(|(_, own)| own.shapes().is_some()) {
-            numbers[name.0 as usize] = self.shapes.len() as u32;
-            self.shapes.push(Arc::clone(geometry.mesh()));
+        while self.rows.last().is_some_and(Option::is_none) {
+            self.rows.pop();
         }
-        for (name, placement) in scene.placements() {
-            let own = placement.instance.geometry;
-            let Some(geometry) = scene.geometry(own) else { continue };
-            self.rows.resize(name.0 as usize, None);
-            let material = geometries.materials.get(name.0 as usize).copied().unwrap_or(NONE);
-            let first = geometries.first_triangles.get(own.0 as usize).copied().unwrap_or(0);
-            let triangles = (first, geometry.mesh().mesh().len() as u32);
-            let shapes = numbers[own.0 as usize];
-            self.rows.push(Some(Shown::new(placement, triangles, shapes, material)));
+        if self.materials != geometries.materials {
+            self.materials.clear();
+            self.materials.extend_from_slice(geometries.materials);
         }
-        Ok(())
+        Ok(written)
+    }
+
+    /// The instances that have other materials than before.
+    fn other_materials(&self, materials: &[u32]) -> Vec<u32> {
+        if self.materials == materials {
+            return Vec::new();
+        }
+        let of = |list: &[u32], name: u32| list.get(name as usize).copied().unwrap_or(NONE);
+        let names = 0..self.materials.len().max(materials.len()) as u32;
+        names.filter(|&name| of(&self.materials, name) != of(materials, name)).collect()
+    }
+
+    /// Writes the row of an instance, or takes it out.
+    fn write(&mut self, scene: &BuiltScene, geometries: &Geometries<'_>, name: InstanceId) {
+        let place = name.0 as usize;
+        let row = scene.placement(name).and_then(|placement| {
+            let own = (*self.parts.get(placement.instance.geometry.0 as usize)?)?;
+            let material = geometries.materials.get(place).copied().unwrap_or(NONE);
+            Some(Shown::new(placement, (own.first, own.triangles), own.shapes, material))
+        });
+        if self.rows.len() <= place {
+            if row.is_none() {
+                return;
+            }
+            self.rows.resize(place + 1, None);
+        }
+        self.rows[place] = row;
     }
 
     /// Instances that are there.
@@ -206,7 +299,9 @@ impl InstanceTable {
 
     /// Bytes that are held.
     pub fn bytes(&self) -> u64 {
-        (self.rows.capacity() * size_of::<Option<Shown>>()) as u64
+        let rows = self.rows.capacity() * size_of::<Option<Shown>>();
+        let parts = self.parts.capacity() * size_of::<Option<Part>>();
+        (rows + parts + self.materials.capacity() * size_of::<u32>()) as u64
     }
 
     /// The place of a hit with a shape, in the world; `None` for a triangle.

@@ -11,7 +11,7 @@ use splitplane_core::backend::BuildOptions;
 use splitplane_core::backend::scene::{SceneAccelerator, UpdateReport};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::report::BackendInfo;
-use splitplane_core::scene::Scene;
+use splitplane_core::scene::{Edits, Scene};
 #[cfg(feature = "wgpu")]
 use std::sync::Arc;
 
@@ -34,6 +34,9 @@ pub struct InstanceTracer {
     backend: RenderBackend,
     built: Box<dyn SceneAccelerator>,
     table: InstanceTable,
+    /// The place in the description's edits that the table shows.
+    shown: Edits,
+    rows_written: u64,
     appearance: SceneData,
     renderer: CpuRenderer,
 }
@@ -70,7 +73,8 @@ impl InstanceTracer {
             }
             RenderBackend::Cpu(_) => CpuRenderer::new(),
         };
-        Ok(InstanceTracer { backend, built, table, appearance, renderer })
+        let (shown, rows_written) = (scene.edits(), table.len() as u64);
+        Ok(InstanceTracer { backend, built, table, shown, rows_written, appearance, renderer })
     }
 
     /// Brings what answers rays up to date with the description. Only what changed is made anew: see
@@ -87,7 +91,11 @@ impl InstanceTracer {
         options: &BuildOptions<'_>,
     ) -> Result<UpdateReport, TracerError> {
         let report = self.backend.as_backend().update_scene(&mut *self.built, scene, options)?;
-        self.table.update(self.built.scene(), &look.geometries, look.mesh.len() as u32)?;
+        let changes = scene.changes_since(&self.shown);
+        let (built, triangles) = (self.built.scene(), look.mesh.len() as u32);
+        self.rows_written =
+            self.table.update_changed(built, &look.geometries, triangles, changes)?;
+        self.shown = scene.edits();
         // Which triangles shine, and how much, depends on where they are and on which are there.
         self.appearance.update_emitters(&look.mesh, &look.appearance, &self.table)?;
         Ok(report)
@@ -100,6 +108,11 @@ impl InstanceTracer {
     pub fn update_appearance(&mut self, look: &InstancedLook<'_>) -> Result<(), TracerError> {
         let InstancedLook { mesh, appearance, .. } = look;
         Ok(self.appearance.describe_instances(mesh, appearance, &self.table)?)
+    }
+
+    /// How many instances the last update took over for shading, or the load: those that changed, and all of them where the numbers of a geometry's triangles changed or it is not known what did.
+    pub fn rows_written(&self) -> u64 {
+        self.rows_written
     }
 
     /// What answers rays.

@@ -14,6 +14,7 @@ import numpy as np
 from distributed.diagnostics.plugin import WorkerPlugin
 
 from .. import _native
+from .._meshes import Meshes
 from ..errors import CancelledError, ClusterError, DigestError, FileError
 from ..points import _restored as points_restored
 from ..scene import Scene
@@ -57,7 +58,7 @@ def load(folder: Path, kind: str, about: dict[str, Any]) -> Any:
         scene = Scene.__new__(Scene)
         scene._own = _native.Scene.load(file_of(folder / "scene"), about["arguments"], about["backend"], (None, None))
         scene._arguments, scene._backend = about["arguments"], about["backend"]
-        scene._meshes = {name: scene._own.mesh(name) for name in scene._own.geometries()}
+        scene._meshes = Meshes({name: scene._own.mesh(name) for name in scene._own.geometries()})
         return scene
     if kind == "points":
         return points_restored(mapped("points"), about["origin"], about["axes"])
