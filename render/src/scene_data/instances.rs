@@ -1,13 +1,18 @@
 //! What frames read of the instances of a scene: where each is, which triangles it shows, and in which material.
 
+mod changes;
+
+pub(crate) use changes::Changed;
+
 use super::round::{self, RoundPlace, Ways};
 use super::{AppearanceError, NONE};
 use crate::vector::{Vector, greatest};
+use changes::Lines;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::{Arithmetic, Strict, snap};
 use splitplane_core::backend::scene::BuiltScene;
 use splitplane_core::ray::{Hit, Ray};
-use splitplane_core::scene::{GeometryMesh, Placement, Transform};
+use splitplane_core::scene::{Changes, GeometryMesh, Placement, Transform};
 use splitplane_core::triangle::Triangle;
 use std::sync::Arc;
 
@@ -48,6 +53,10 @@ pub struct InstanceTable {
     rows: Vec<Option<Shown>>,
     /// The geometries that consist of shapes.
     shapes: Vec<Arc<GeometryMesh>>,
+    /// Of which geometries the rows were written.
+    lines: Lines,
+    /// By the name of an instance the material of all of it, as given.
+    materials: Vec<u32>,
 }
 
 impl Shown {
@@ -152,7 +161,7 @@ impl InstanceTable {
         Ok(table)
     }
 
-    /// As [`InstanceTable::new`], in the memory that is there.
+    /// As [`InstanceTable::new`], in the memory that is there: writes the rows of all instances.
     ///
     /// # Errors
     /// As there; nothing has changed then.
@@ -162,35 +171,8 @@ impl InstanceTable {
         geometries: &Geometries<'_>,
         triangles: u32,
     ) -> Result<(), AppearanceError> {
-        for (name, geometry) in scene.geometries() {
-            if geometry.shapes().is_some() {
-                continue;
-            }
-            let missing = || AppearanceError::MissingGeometry { geometry: name.0 };
-            let first = geometries.first_triangles.get(name.0 as usize).ok_or_else(missing)?;
-            let end = first.checked_add(geometry.mesh().mesh().len() as u32).ok_or_else(missing)?;
-            if end > triangles {
-                return Err(missing());
-            }
-        }
-        self.rows.clear();
-        self.shapes.clear();
-        let mut numbers =
-            vec![NONE; scene.geometries().last().map_or(0, |(name, _)| name.0 as usize + 1)];
-        for (name, geometry) in scene.geometries().filter(|(_, own)| own.shapes().is_some()) {
-            numbers[name.0 as usize] = self.shapes.len() as u32;
-            self.shapes.push(Arc::clone(geometry.mesh()));
-        }
-        for (name, placement) in scene.placements() {
-            let own = placement.instance.geometry;
-            let Some(geometry) = scene.geometry(own) else { continue };
-            self.rows.resize(name.0 as usize, None);
-            let material = geometries.materials.get(name.0 as usize).copied().unwrap_or(NONE);
-            let first = geometries.first_triangles.get(own.0 as usize).copied().unwrap_or(0);
-            let triangles = (first, geometry.mesh().mesh().len() as u32);
-            let shapes = numbers[own.0 as usize];
-            self.rows.push(Some(Shown::new(placement, triangles, shapes, material)));
-        }
+        let (lines, changed) = self.changed(scene, geometries, triangles, Changes::Unknown)?;
+        self.write(scene, geometries, lines, &changed);
         Ok(())
     }
 
@@ -206,7 +188,8 @@ impl InstanceTable {
 
     /// Bytes that are held.
     pub fn bytes(&self) -> u64 {
-        (self.rows.capacity() * size_of::<Option<Shown>>()) as u64
+        let rows = self.rows.capacity() * size_of::<Option<Shown>>();
+        (rows + self.materials.capacity() * size_of::<u32>() + self.lines.bytes()) as u64
     }
 
     /// The place of a hit with a shape, in the world; `None` for a triangle.
