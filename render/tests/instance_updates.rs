@@ -272,3 +272,34 @@ fn an_update_after_one_that_failed_leaves_nothing_out() {
         assert!(model.picture(&mut tracer) == model.picture(&mut model.load()), "{refuses}");
     }
 }
+
+/// A geometry with another number of triangles moves all that follow among the triangles of all, and shapes that go move those that follow
+/// among the shapes: instances that nobody edited have other rows.
+#[test]
+fn rows_follow_geometries_that_are_elsewhere() {
+    let mut model = Model::new();
+    let sphere = Sphere { centre: [0.0, 0.5, 0.0], radius: 0.5 };
+    let small = model.scene.add_shapes(Shapes::Spheres(vec![sphere])).unwrap();
+    model.first_triangles.push(0);
+    model.add(FLOOR, IDENTITY, NONE);
+    model.add(STONE, translation([-2.0, 0.0, -3.0]), NONE);
+    model.add(LAMP, translation([0.0, 2.5, -3.0]), NONE);
+    model.add(BALL, translation([2.0, 0.0, -3.0]), 1);
+    model.add(small.0 as usize, translation([0.0, 0.0, -2.0]), SHINING);
+    let mut tracer = model.load();
+    // All but the last two triangles of the stone.
+    let range = 12 * STONE..12 * STONE + 10;
+    let fewer = Mesh::soup(&model.world.triangles[range.clone()]).unwrap();
+    model.scene.replace_mesh(GeometryId(STONE as u32), &fewer).unwrap();
+    model.world.triangles.drain(range.end..range.end + 2);
+    model.world.material_of.drain(range.end..range.end + 2);
+    model.first_triangles[LAMP] -= 2;
+    model.touched = (0..5).collect();
+    assert!(model.update(&mut tracer).emitters_searched);
+    assert!(model.picture(&mut tracer) == model.picture(&mut model.load()));
+    model.remove(3);
+    model.scene.remove_geometry(GeometryId(BALL as u32)).unwrap();
+    model.touched = [0, 1, 2, 4].into();
+    assert!(model.update(&mut tracer).emitters_searched);
+    assert!(model.picture(&mut tracer) == model.picture(&mut model.load()));
+}
