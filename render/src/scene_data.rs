@@ -217,11 +217,15 @@ impl SceneData {
     ) -> bool {
         let clay = [Material::clay()];
         let materials = materials_of(appearance, &clay);
-        let Changed::These(names) = changed else { return true };
+        let Changed::These { rows, replaced } = changed else { return true };
         let mut sources = Shining::new(materials, appearance.material_of);
         self.has_other_lists(mesh, materials)
             || !sources.has_radiance(&self.radiance)
-            || names.iter().filter_map(|name| instances.shown(*name)).any(|own| sources.has(own))
+            || rows
+                .iter()
+                .chain(replaced)
+                .filter_map(|name| instances.shown(*name))
+                .any(|own| sources.has(own))
     }
 
     /// Whether other triangles or materials are there than those described, by their numbers.

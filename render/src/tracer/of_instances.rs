@@ -45,10 +45,10 @@ pub struct InstanceTracer {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct ShownUpdate {
-    /// Rows of instances that were written: of those that were edited, whose geometry has other arrays, or whose material is another.
+    /// Rows of instances that were written: of those that were edited, or whose material is another.
     /// All rows, where the description does not know what was edited, or a geometry is elsewhere among the triangles of all.
     pub rows_written: u32,
-    /// Whether the triangles and shapes that shine were searched for in all instances. They are where one that changed shines or shone, since the
+    /// Whether the triangles and shapes that shine were searched for in all instances. They are where one that changed, or whose geometry has other arrays, shines or shone, since the
     /// probability of each depends on all.
     pub emitters_searched: bool,
 }

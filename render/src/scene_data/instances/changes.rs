@@ -19,11 +19,16 @@ struct Line {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Lines(Vec<Option<Line>>);
 
-/// Instances whose rows are not what they have to be.
+/// Instances that are not what a table was written for.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Changed {
-    /// At most these, by their names in ascending order.
-    These(Vec<u32>),
+    /// At most these, by their names.
+    These {
+        /// Those whose rows change, in ascending order.
+        rows: Vec<u32>,
+        /// Those whose geometry has other arrays, which their rows do not tell.
+        replaced: Vec<u32>,
+    },
     /// Any may be.
     All,
 }
@@ -73,8 +78,8 @@ impl Lines {
 }
 
 impl InstanceTable {
-    /// Finds the rows that [`InstanceTable::write`] has to write, where `edited` names the instances that were edited since the last call of
-    /// that. Besides these they are those whose geometry has other arrays or whose material is another. All are, where a geometry
+    /// Finds what [`InstanceTable::write`] has to write, where `edited` names the instances that were edited since the last call of
+    /// that: their rows, and those of instances whose material is another. All are, where a geometry
     /// that stays is elsewhere among the triangles or the shapes.
     ///
     /// Materials are compared, 4 bytes an instance; instances are looked at one by one only where a geometry has other arrays.
@@ -93,24 +98,25 @@ impl InstanceTable {
         if self.lines.pairs(&lines).any(|(_, was, is)| was.numbers != is.numbers) {
             return Ok((lines, Changed::All));
         }
-        let mut names: Vec<u32> = edited.iter().map(|name| name.0).collect();
-        let replaced = self.lines.pairs(&lines).filter(|(_, was, is)| !was.mesh.ptr_eq(&is.mesh));
-        let replaced: Vec<GeometryId> = replaced.map(|(name, ..)| name).collect();
-        if !replaced.is_empty() {
-            let is_of = |geometry| replaced.binary_search(&geometry).is_ok();
+        let mut rows: Vec<u32> = edited.iter().map(|name| name.0).collect();
+        let others = self.lines.pairs(&lines).filter(|(_, was, is)| !was.mesh.ptr_eq(&is.mesh));
+        let others: Vec<GeometryId> = others.map(|(name, ..)| name).collect();
+        let mut replaced = Vec::new();
+        if !others.is_empty() {
+            let is_of = |geometry| others.binary_search(&geometry).is_ok();
             let all = scene.placements().filter(|(_, own)| is_of(own.instance.geometry));
-            names.extend(all.map(|(name, _)| name.0));
+            replaced.extend(all.map(|(name, _)| name.0));
         }
         let (was, is) = (&self.materials[..], geometries.materials);
         if was != is {
             let material =
                 |list: &[u32], name: u32| list.get(name as usize).copied().unwrap_or(NONE);
             let longer = was.len().max(is.len()) as u32;
-            names.extend((0..longer).filter(|name| material(was, *name) != material(is, *name)));
+            rows.extend((0..longer).filter(|name| material(was, *name) != material(is, *name)));
         }
-        names.sort_unstable();
-        names.dedup();
-        Ok((lines, Changed::These(names)))
+        rows.sort_unstable();
+        rows.dedup();
+        Ok((lines, Changed::These { rows, replaced }))
     }
 
     /// Writes the rows that [`InstanceTable::changed`] found for this scene and these geometries, and returns how many.
@@ -142,8 +148,8 @@ impl InstanceTable {
                     written += u32::from(self.write_row(scene, name));
                 }
             }
-            Changed::These(names) => {
-                for name in names {
+            Changed::These { rows, .. } => {
+                for name in rows {
                     written += u32::from(self.write_row(scene, *name));
                 }
             }
