@@ -18,6 +18,7 @@ mod appearance;
 pub mod instances;
 mod needs;
 mod round;
+mod shining;
 mod srgb;
 
 pub use appearance::{Appearance, AppearanceError};
@@ -30,8 +31,9 @@ use crate::material::Material;
 use crate::vector::normalized;
 use core::ops::Range;
 use core::sync::atomic::{AtomicU64, Ordering};
-use instances::InstanceTable;
+use instances::{Changed, InstanceTable};
 pub(crate) use round::RoundPlace;
+use shining::Shining;
 use splitplane_core::mesh::Mesh;
 use srgb::{least_shown, linear};
 use std::sync::Arc;
@@ -57,9 +59,6 @@ pub const POINT: u32 = 0;
 /// Kind of a light that is far away.
 pub const DIRECTIONAL: u32 = 1;
 
-/// Most triangles that shine of a scene of instances, which need not be many in its geometries.
-const MOST_EMITTERS: usize = 1 << 26;
-
 /// Where the sections start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Sections {
@@ -84,6 +83,8 @@ pub struct SceneData {
     triangles: u32,
     revision: u64,
     normals_revision: u64,
+    /// By material the radiance that the list of emitters was made with.
+    radiance: Vec<Option<f64>>,
 }
 
 /// A number that no earlier call has returned.
@@ -184,12 +185,11 @@ impl SceneData {
     ) -> Result<(), AppearanceError> {
         let clay = [Material::clay()];
         let materials = materials_of(appearance, &clay);
-        let is_other =
-            mesh.len() as u32 != self.triangles || materials.len() as u32 != self.materials;
-        if is_other {
+        if self.has_other_lists(mesh, materials) {
             return self.describe(mesh, appearance, Some(instances));
         }
-        let shining = shining(mesh, materials, appearance.material_of, Some(instances))?;
+        let mut sources = Shining::new(materials, appearance.material_of);
+        let shining = sources.of_instances(mesh, instances)?;
         let all = core::mem::take(&mut self.words);
         self.emitters(&shining);
         let own = core::mem::replace(&mut self.words, all);
@@ -202,7 +202,35 @@ impl SceneData {
             there.copy_from_slice(&own);
             self.revision = next_revision();
         }
+        self.radiance = sources.into_radiance();
         Ok(())
+    }
+
+    /// Whether what shines of changed instances, as the table has them now, is part of the list of emitters or belongs there: to be asked before the
+    /// table is written and after. Also where the list cannot be relied on: other materials, other triangles, or anything may have changed.
+    pub(crate) fn needs_emitters_of(
+        &self,
+        mesh: &Mesh<'_>,
+        appearance: &Appearance<'_>,
+        instances: &InstanceTable,
+        changed: &Changed,
+    ) -> bool {
+        let clay = [Material::clay()];
+        let materials = materials_of(appearance, &clay);
+        let Changed::These { rows, replaced } = changed else { return true };
+        let mut sources = Shining::new(materials, appearance.material_of);
+        self.has_other_lists(mesh, materials)
+            || !sources.has_radiance(&self.radiance)
+            || rows
+                .iter()
+                .chain(replaced)
+                .filter_map(|name| instances.shown(*name))
+                .any(|own| sources.has(own))
+    }
+
+    /// Whether other triangles or materials are there than those described, by their numbers.
+    fn has_other_lists(&self, mesh: &Mesh<'_>, materials: &[Material]) -> bool {
+        mesh.len() as u32 != self.triangles || materials.len() as u32 != self.materials
     }
 
     fn describe(
@@ -215,7 +243,12 @@ impl SceneData {
         let Corners { textures, smooth } = Corners::of(appearance);
         let clay = [Material::clay()];
         let materials = materials_of(appearance, &clay);
-        let shining = shining(mesh, materials, appearance.material_of, instances)?;
+        let mut sources = Shining::new(materials, appearance.material_of);
+        let shining = match instances {
+            None => sources.of_mesh(mesh),
+            Some(table) => sources.of_instances(mesh, table)?,
+        };
+        self.radiance = sources.into_radiance();
         self.words.clear();
         self.revision = next_revision();
         self.triangles = mesh.len() as u32;
@@ -419,54 +452,6 @@ fn materials_of<'a>(appearance: &Appearance<'a>, clay: &'a [Material; 1]) -> &'a
     if appearance.materials.is_empty() { clay } else { appearance.materials }
 }
 
-/// The triangles, spheres and capsules that shine, each with its instance, and their powers.
-fn shining(
-    mesh: &Mesh<'_>,
-    materials: &[Material],
-    material_of: &[u32],
-    instances: Option<&InstanceTable>,
-) -> Result<Vec<([u32; 2], f64)>, AppearanceError> {
-    let shines: Vec<Option<f64>> = materials
-        .iter()
-        .map(|m| m.shines().then(|| m.emission.iter().map(|part| f64::from(*part)).sum()))
-        .collect();
-    if shines.iter().all(Option::is_none) {
-        return Ok(Vec::new());
-    }
-    let radiance = |material: u32| shines[(material as usize).min(shines.len() - 1)];
-    let own = |triangle: usize| radiance(material_of.get(triangle).copied().unwrap_or(0));
-    let is_powerful = |power: f64| (power.is_finite() && power > 0.0).then_some(power);
-    let mut powers: Vec<([u32; 2], f64)> = Vec::new();
-    match instances {
-        None => powers.extend((0..mesh.len()).filter_map(|t| {
-            let power = own(t)? * area(&mesh.triangle(t));
-            Some(([t as u32, 0], is_powerful(power)?))
-        })),
-        Some(table) => {
-            for (instance, shown) in table.all() {
-                let all = (shown.material != NONE).then_some(shown.material);
-                if shown.has_shapes() {
-                    let radiance = radiance(all.unwrap_or(0));
-                    powers.extend(table.areas(shown).zip(0..).filter_map(|(area, primitive)| {
-                        Some(([primitive, instance], is_powerful(radiance? * area)?))
-                    }));
-                }
-                powers.extend((0..shown.triangles).filter_map(|t| {
-                    let described = (shown.first_triangle + t) as usize;
-                    let radiance = all.map_or_else(|| own(described), radiance)?;
-                    let (corners, _) = shown.in_world(&mesh.triangle(described));
-                    Some(([t, instance], is_powerful(radiance * area(&corners))?))
-                }));
-                if powers.len() > MOST_EMITTERS {
-                    let words = EMITTER_WORDS as u64 * powers.len() as u64;
-                    return Err(AppearanceError::TooLarge { words });
-                }
-            }
-        }
-    }
-    Ok(powers)
-}
-
 /// The words of the normals at the corners of all triangles.
 fn normal_words<'a>(
     mesh: &Mesh<'_>,
@@ -480,11 +465,4 @@ fn normal_words<'a>(
         let corners = appearance.normal_indices.get(triangle).copied().unwrap_or([NONE; 3]);
         corners.into_iter().flat_map(normal).map(f32::to_bits)
     })
-}
-
-fn area(corners: &[[f32; 3]; 3]) -> f64 {
-    let [a, b, c] = corners.map(|corner| corner.map(f64::from));
-    let [x, y] = [b, c].map(|p| [p[0] - a[0], p[1] - a[1], p[2] - a[2]]);
-    let normal = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
-    0.5 * normal.iter().map(|part| part * part).sum::<f64>().sqrt()
 }

@@ -22,7 +22,7 @@ pub use error::TracerError;
 pub use frame::{Frame, FrameRequest};
 pub use moved::Moved;
 #[cfg(feature = "cpu")]
-pub use of_instances::{InstanceTracer, InstancedLook};
+pub use of_instances::{InstanceTracer, InstancedLook, ShownUpdate};
 pub use output::Output;
 pub use shading::Shading;
 pub use tree_size::TreeSize;

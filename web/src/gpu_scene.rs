@@ -163,8 +163,14 @@ impl GpuScene {
                     built.map(|built| state.built = Some(Rc::new(built)))
                 }
             };
-            state.edits = state.edits.after_update(done.is_ok());
-            let answers = state.built.is_some();
+            // A device that refuses what it is sent when all is built has no scene until the next update.
+            let answers = state.built.as_ref().is_some_and(|built| {
+                done.is_ok() || built.needs_cpu(&SceneOptions::default()).is_none()
+            });
+            state.edits = match answers {
+                true => state.edits.after_update(done.is_ok()),
+                false => Edits::Waiting,
+            };
             place.replace(Some(state));
             done.map_err(Failure::from).map_err(|failure| match answers {
                 true => failure.of_update(),

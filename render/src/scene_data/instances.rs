@@ -1,13 +1,18 @@
 //! What frames read of the instances of a scene: where each is, which triangles it shows, and in which material.
 
+mod changes;
+
+pub(crate) use changes::Changed;
+
 use super::round::{self, RoundPlace, Ways};
 use super::{AppearanceError, NONE};
 use crate::vector::{Vector, greatest};
+use changes::Lines;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::{Arithmetic, Strict, snap};
 use splitplane_core::backend::scene::BuiltScene;
 use splitplane_core::ray::{Hit, Ray};
-use splitplane_core::scene::{Changes, GeometryMesh, InstanceId, Placement, Transform};
+use splitplane_core::scene::{Changes, GeometryMesh, Placement, Transform};
 use splitplane_core::triangle::Triangle;
 use std::sync::Arc;
 
@@ -48,55 +53,10 @@ pub struct InstanceTable {
     rows: Vec<Option<Shown>>,
     /// The geometries that consist of shapes.
     shapes: Vec<Arc<GeometryMesh>>,
-    /// What rows say of the geometries, by name.
-    parts: Vec<Option<Part>>,
-    /// The materials that rows were made with.
+    /// Of which geometries the rows were written.
+    lines: Lines,
+    /// By the name of an instance the material of all of it, as given.
     materials: Vec<u32>,
-}
-
-/// A geometry, as rows of its instances know it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Part {
-    /// The number of its first triangle among those of all.
-    first: u32,
-    triangles: u32,
-    /// Its place among the geometries of shapes, or [`NONE`].
-    shapes: u32,
-}
-
-/// All geometries by name, and those of shapes.
-type Parts = (Vec<Option<Part>>, Vec<Arc<GeometryMesh>>);
-
-/// What rows say of a scene's geometries.
-///
-/// # Errors
-/// Triangles that do not lie among so many.
-fn parts(
-    scene: &BuiltScene,
-    geometries: &Geometries<'_>,
-    triangles: u32,
-) -> Result<Parts, AppearanceError> {
-    let (mut parts, mut shapes) = (Vec::new(), Vec::new());
-    for (name, geometry) in scene.geometries() {
-        let given = geometries.first_triangles.get(name.0 as usize).copied();
-        let count = geometry.mesh().mesh().len() as u32;
-        let part = if geometry.shapes().is_some() {
-            shapes.push(Arc::clone(geometry.mesh()));
-            let place = shapes.len() as u32 - 1;
-            Part { first: given.unwrap_or(0), triangles: count, shapes: place }
-        } else {
-            let missing = || AppearanceError::MissingGeometry { geometry: name.0 };
-            let first = given.ok_or_else(missing)?;
-            let end = first.checked_add(count).ok_or_else(missing)?;
-            if end > triangles {
-                return Err(missing());
-            }
-            Part { first, triangles: count, shapes: NONE }
-        };
-        parts.resize(name.0 as usize, None);
-        parts.push(Some(part));
-    }
-    Ok((parts, shapes))
 }
 
 impl Shown {
@@ -201,7 +161,7 @@ impl InstanceTable {
         Ok(table)
     }
 
-    /// As [`InstanceTable::new`], in the memory that is there.
+    /// As [`InstanceTable::new`], in the memory that is there: writes the rows of all instances.
     ///
     /// # Errors
     /// As there; nothing has changed then.
@@ -211,80 +171,9 @@ impl InstanceTable {
         geometries: &Geometries<'_>,
         triangles: u32,
     ) -> Result<(), AppearanceError> {
-        self.update_changed(scene, geometries, triangles, Changes::Unknown).map(drop)
-    }
-
-    /// As [`InstanceTable::update`], where it is known which instances of the description changed since the last update of the table: only their rows are
-    /// written, and those with other materials. All are where a geometry has other numbers of triangles, or is one of shapes where it was none.
-    /// How many rows were written. What it takes besides grows with the number of geometries; of all instances only the materials are compared, as one list.
-    ///
-    /// # Errors
-    /// As for [`InstanceTable::new`]; nothing has changed then.
-    pub(crate) fn update_changed(
-        &mut self,
-        scene: &BuiltScene,
-        geometries: &Geometries<'_>,
-        triangles: u32,
-        changes: Changes<'_>,
-    ) -> Result<u64, AppearanceError> {
-        let (parts, shapes) = parts(scene, geometries, triangles)?;
-        let are_known = parts == self.parts;
-        (self.parts, self.shapes) = (parts, shapes);
-        let mut written = 0;
-        match changes {
-            Changes::These(names) if are_known => {
-                let others = self.other_materials(geometries.materials);
-                let mut names: Vec<u32> = names.iter().map(|name| name.0).chain(others).collect();
-                names.sort_unstable();
-                names.dedup();
-                for name in names {
-                    self.write(scene, geometries, InstanceId(name));
-                    written += 1;
-                }
-            }
-            _ => {
-                self.rows.clear();
-                for (name, _) in scene.placements() {
-                    self.write(scene, geometries, name);
-                    written += 1;
-                }
-            }
-        }
-        while self.rows.last().is_some_and(Option::is_none) {
-            self.rows.pop();
-        }
-        if self.materials != geometries.materials {
-            self.materials.clear();
-            self.materials.extend_from_slice(geometries.materials);
-        }
-        Ok(written)
-    }
-
-    /// The instances that have other materials than before.
-    fn other_materials(&self, materials: &[u32]) -> Vec<u32> {
-        if self.materials == materials {
-            return Vec::new();
-        }
-        let of = |list: &[u32], name: u32| list.get(name as usize).copied().unwrap_or(NONE);
-        let names = 0..self.materials.len().max(materials.len()) as u32;
-        names.filter(|&name| of(&self.materials, name) != of(materials, name)).collect()
-    }
-
-    /// Writes the row of an instance, or takes it out.
-    fn write(&mut self, scene: &BuiltScene, geometries: &Geometries<'_>, name: InstanceId) {
-        let place = name.0 as usize;
-        let row = scene.placement(name).and_then(|placement| {
-            let own = (*self.parts.get(placement.instance.geometry.0 as usize)?)?;
-            let material = geometries.materials.get(place).copied().unwrap_or(NONE);
-            Some(Shown::new(placement, (own.first, own.triangles), own.shapes, material))
-        });
-        if self.rows.len() <= place {
-            if row.is_none() {
-                return;
-            }
-            self.rows.resize(place + 1, None);
-        }
-        self.rows[place] = row;
+        let (lines, changed) = self.changed(scene, geometries, triangles, Changes::Unknown)?;
+        self.write(scene, geometries, lines, &changed);
+        Ok(())
     }
 
     /// Instances that are there.
@@ -300,8 +189,7 @@ impl InstanceTable {
     /// Bytes that are held.
     pub fn bytes(&self) -> u64 {
         let rows = self.rows.capacity() * size_of::<Option<Shown>>();
-        let parts = self.parts.capacity() * size_of::<Option<Part>>();
-        (rows + parts + self.materials.capacity() * size_of::<u32>()) as u64
+        (rows + self.materials.capacity() * size_of::<u32>() + self.lines.bytes()) as u64
     }
 
     /// The place of a hit with a shape, in the world; `None` for a triangle.

@@ -11,7 +11,7 @@ use splitplane_core::backend::BuildOptions;
 use splitplane_core::backend::scene::{SceneAccelerator, UpdateReport};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::report::BackendInfo;
-use splitplane_core::scene::{Edits, Scene};
+use splitplane_core::scene::{Changes, Edits, Scene};
 #[cfg(feature = "wgpu")]
 use std::sync::Arc;
 
@@ -34,11 +34,23 @@ pub struct InstanceTracer {
     backend: RenderBackend,
     built: Box<dyn SceneAccelerator>,
     table: InstanceTable,
-    /// The place in the description's edits that the table shows.
-    shown: Edits,
-    rows_written: u64,
     appearance: SceneData,
     renderer: CpuRenderer,
+    /// Up to which edits table and appearance are up to date; `None` after an error between the two.
+    edits: Option<Edits>,
+    written: ShownUpdate,
+}
+
+/// What the last load or update of an [`InstanceTracer`] made anew of what frames read, besides what its report says of the scene itself.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct ShownUpdate {
+    /// Rows of instances that were written: of those that were edited, or whose material is another.
+    /// All rows, where the description does not know what was edited, or a geometry is elsewhere among the triangles of all.
+    pub rows_written: u32,
+    /// Whether the triangles and shapes that shine were searched for in all instances. They are where one that changed, or whose geometry has other arrays, shines or shone, since the
+    /// probability of each depends on all.
+    pub emitters_searched: bool,
 }
 
 impl core::fmt::Debug for InstanceTracer {
@@ -73,13 +85,15 @@ impl InstanceTracer {
             }
             RenderBackend::Cpu(_) => CpuRenderer::new(),
         };
-        let (shown, rows_written) = (scene.edits(), table.len() as u64);
-        Ok(InstanceTracer { backend, built, table, shown, rows_written, appearance, renderer })
+        let edits = Some(scene.edits());
+        let written = ShownUpdate { rows_written: table.len() as u32, emitters_searched: true };
+        Ok(InstanceTracer { backend, built, table, appearance, renderer, edits, written })
     }
 
     /// Brings what answers rays up to date with the description. Only what changed is made anew: see
     /// [`Backend::update_scene`](splitplane_core::backend::Backend::update_scene). Of the look it takes where the triangles of geometries are, the materials of instances,
-    /// and which triangles shine; [`InstanceTracer::update_appearance`] takes all of it.
+    /// and, of instances that changed, which triangles shine; [`InstanceTracer::update_appearance`] takes all of it.
+    /// [`InstanceTracer::last_update`] says what of this was written.
     ///
     /// # Errors
     /// As for [`InstanceTracer::load`]. A scene that cannot be built leaves the old one; after another error, repeat the call
@@ -91,13 +105,25 @@ impl InstanceTracer {
         options: &BuildOptions<'_>,
     ) -> Result<UpdateReport, TracerError> {
         let report = self.backend.as_backend().update_scene(&mut *self.built, scene, options)?;
-        let changes = scene.changes_since(&self.shown);
-        let (built, triangles) = (self.built.scene(), look.mesh.len() as u32);
-        self.rows_written =
-            self.table.update_changed(built, &look.geometries, triangles, changes)?;
-        self.shown = scene.edits();
-        // Which triangles shine, and how much, depends on where they are and on which are there.
-        self.appearance.update_emitters(&look.mesh, &look.appearance, &self.table)?;
+        // After an error below, the next update takes nothing for known.
+        let edits = self.edits.take();
+        let edited = edits.as_ref().map_or(Changes::Unknown, |edits| scene.changes_since(edits));
+        let InstancedLook { mesh, appearance, geometries } = look;
+        let built = self.built.scene();
+        let triangles = mesh.len() as u32;
+        let (lines, changed) = self.table.changed(built, geometries, triangles, edited)?;
+        // Which triangles shine, and how much, depends on where they are and on which are there: on what was as on what is.
+        let needs_emitters = |data: &SceneData, table: &InstanceTable| {
+            data.needs_emitters_of(mesh, appearance, table, &changed)
+        };
+        let shone = needs_emitters(&self.appearance, &self.table);
+        let rows_written = self.table.write(built, geometries, lines, &changed);
+        let emitters_searched = shone || needs_emitters(&self.appearance, &self.table);
+        if emitters_searched {
+            self.appearance.update_emitters(mesh, appearance, &self.table)?;
+        }
+        self.edits = Some(scene.edits());
+        self.written = ShownUpdate { rows_written, emitters_searched };
         Ok(report)
     }
 
@@ -110,9 +136,9 @@ impl InstanceTracer {
         Ok(self.appearance.describe_instances(mesh, appearance, &self.table)?)
     }
 
-    /// How many instances the last update took over for shading, or the load: those that changed, and all of them where the numbers of a geometry's triangles changed or it is not known what did.
-    pub fn rows_written(&self) -> u64 {
-        self.rows_written
+    /// What the last load or update wrote of what frames read.
+    pub fn last_update(&self) -> ShownUpdate {
+        self.written
     }
 
     /// What answers rays.
