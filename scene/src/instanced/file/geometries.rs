@@ -11,7 +11,7 @@ use splitplane_core::mesh::{MAX_TRIANGLES, Mesh};
 use splitplane_core::scene::shape::{Capsule, Sphere};
 use std::collections::HashMap;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Their numbers by name. Those that are the same part of the same file in the same material are one.
 pub(super) struct Geometries<'a> {
@@ -25,10 +25,52 @@ struct Loaded {
     runs: HashMap<(bool, String), Vec<Range<u32>>>,
     /// What says where its surfaces have holes.
     channels: Vec<usize>,
+    /// Triangles that geometries took of it; those that several took, each time.
+    taken: usize,
 }
 
-/// What a geometry takes of an .obj file: the file, a group, an object.
+/// The .obj files that were read.
+#[derive(Default)]
+struct Files<'a> {
+    loaded: Vec<Loaded>,
+    /// Their numbers by the places where they are: one file may be named by many paths.
+    places: HashMap<PathBuf, usize>,
+    /// And by the paths as written.
+    paths: HashMap<&'a str, usize>,
+}
+
+impl<'a> Files<'a> {
+    /// The number of a file, which `read` reads where no path has led to it yet.
+    fn number<E>(
+        &mut self,
+        folder: &Path,
+        path: &'a str,
+        read: impl FnOnce(&Path) -> Result<Loaded, E>,
+    ) -> Result<usize, E> {
+        if let Some(&number) = self.paths.get(path) {
+            return Ok(number);
+        }
+        let written = folder.join(path);
+        // Where there is no such file, reading it says so.
+        let place = written.canonicalize().unwrap_or_else(|_| written.clone());
+        let number = match self.places.get(&place) {
+            Some(&number) => number,
+            None => {
+                self.loaded.push(read(&written)?);
+                self.places.insert(place, self.loaded.len() - 1);
+                self.loaded.len() - 1
+            }
+        };
+        self.paths.insert(path, number);
+        Ok(number)
+    }
+}
+
+/// What a geometry takes of an .obj file: the file as written, a group, an object.
 type Source<'a> = (&'a str, Option<&'a str>, Option<&'a str>);
+
+/// The same with the number of the file, and the material of all.
+type Part<'a> = (usize, Option<&'a str>, Option<&'a str>, Option<u32>);
 
 impl<'a> Geometries<'a> {
     pub(super) fn get(&self, name: &str) -> Option<u32> {
@@ -50,10 +92,8 @@ impl<'a> Geometries<'a> {
             return Err((vec![Step::Field("geometries")], problem));
         }
         let mut by_name = HashMap::new();
-        let mut known: HashMap<(Source<'a>, Option<u32>), u32> = HashMap::new();
-        let mut loaded: HashMap<&str, Loaded> = HashMap::new();
-        // Triangles that geometries took of each file; those that several took, each time.
-        let mut taken: HashMap<&str, usize> = HashMap::new();
+        let mut known: HashMap<Part<'a>, u32> = HashMap::new();
+        let mut files = Files::default();
         let mut texture_bytes = 0;
         let (mut solids, mut clay) = (scene.solids(), None);
         for (index, own) in file.geometries.iter().enumerate() {
@@ -61,37 +101,36 @@ impl<'a> Geometries<'a> {
             let number = match Kind::of(own)
                 .map_err(|(field, wrong)| (at(index, field), SceneFileProblem::Wrong(wrong)))?
             {
-                Kind::Obj(source) => match known.get(&(source, named)) {
-                    Some(number) => *number,
-                    None => {
-                        let (path, group, object) = source;
-                        if !loaded.contains_key(path) {
-                            let left = options.texture_limit.saturating_sub(texture_bytes);
-                            let options = SceneOptions {
-                                texture_limit: left,
-                                cutouts: true,
-                                ..options.clone()
-                            };
-                            let read = obj::read_with(&folder.join(path), &options);
-                            let mut read =
-                                read.map_err(|error| (at(index, "obj"), error.into()))?;
-                            texture_bytes += texels(&read);
-                            note(scene, &mut read);
-                            let first_material = scene.add_materials(&read);
-                            let channels = cutout::channels(&read);
-                            let runs = read.triangles_by_group().into_iter();
-                            let runs = runs
-                                .map(|((is_object, name), runs)| {
-                                    ((is_object, name.to_owned()), runs)
-                                })
-                                .collect();
-                            loaded.insert(
-                                path,
-                                Loaded { scene: read, first_material, runs, channels },
-                            );
-                        }
-                        let Loaded { scene: from, first_material, runs: by_name, channels } =
-                            &loaded[path];
+                Kind::Obj((path, group, object)) => {
+                    let read = |place: &Path| {
+                        let left = options.texture_limit.saturating_sub(texture_bytes);
+                        let options =
+                            SceneOptions { texture_limit: left, cutouts: true, ..options.clone() };
+                        let read = obj::read_with(place, &options);
+                        let mut read = read.map_err(|error| (at(index, "obj"), error.into()))?;
+                        texture_bytes += texels(&read);
+                        note(scene, &mut read);
+                        let first_material = scene.add_materials(&read);
+                        let channels = cutout::channels(&read);
+                        let runs = read.triangles_by_group().into_iter();
+                        let runs = runs
+                            .map(|((is_object, name), runs)| ((is_object, name.to_owned()), runs))
+                            .collect();
+                        Ok::<_, At>(Loaded {
+                            scene: read,
+                            first_material,
+                            runs,
+                            channels,
+                            taken: 0,
+                        })
+                    };
+                    let file = files.number(folder, path, read)?;
+                    let part = (file, group, object, named);
+                    if let Some(number) = known.get(&part) {
+                        *number
+                    } else {
+                        let Loaded { scene: from, first_material, runs: by_name, channels, taken } =
+                            &mut files.loaded[file];
                         let all = 0..from.indices.len() as u32;
                         let of = |is_object: bool, name: &str| {
                             let runs = by_name.get(&(is_object, name.to_owned()));
@@ -111,7 +150,6 @@ impl<'a> Geometries<'a> {
                         let fail = |problem| (at(index, "obj"), problem);
                         room(scene, more).map_err(fail)?;
                         // Every triangle once is what the file holds.
-                        let taken = taken.entry(path).or_insert(0);
                         *taken += more;
                         if *taken > from.indices.len() {
                             budget.take(bytes_of_copy(from, &runs)).map_err(fail)?;
@@ -129,10 +167,10 @@ impl<'a> Geometries<'a> {
                             })?;
                             scene.geometries[number as usize].opacity = Some(mask);
                         }
-                        known.insert((source, named), number);
+                        known.insert(part, number);
                         number
                     }
-                },
+                }
                 Kind::Solids(kind) => {
                     solids += kind.len();
                     if solids > MAX_SOLIDS {

@@ -501,6 +501,31 @@ fn what_would_bake_to_too_much_is_refused_at_once() {
     assert!(parse(&file(3), &path, &within(needed - 1)).is_err());
 }
 
+/// One .obj file by two hundred paths is read once: otherwise a small file would ask for two hundred times what it has.
+#[test]
+fn a_file_by_many_paths_is_read_once() {
+    let folder = folder();
+    std::fs::create_dir(folder.path().join("sub")).unwrap();
+    std::fs::write(folder.path().join("other.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+        .unwrap();
+    let geometries: String = (0..200)
+        .map(|number| {
+            let path =
+                format!("{}{}other.obj", "./".repeat(number / 2), ["", "sub/../"][number % 2]);
+            format!("{{\"name\": \"g{number}\", \"obj\": \"{path}\"}},")
+        })
+        .collect();
+    let text = format!(
+        "{{\"format\": \"splitplane-scene\", \"version\": 1, \"geometries\": [{}], \"instances\": [{{\"geometry\": \"g199\"}}]}}",
+        geometries.trim_end_matches(',')
+    );
+    let scene = read_in(&folder, &text).unwrap();
+    assert_eq!((scene.triangles(), scene.geometries.len()), (1, 1));
+    // A file that is not there is named as it is written.
+    let error = read_in(&folder, &text.replacen("other.obj", "nowhere.obj", 1)).unwrap_err();
+    assert!(error.to_string().contains("geometries[0].obj: "), "{error}");
+}
+
 /// What cannot be baked is refused, with its place.
 #[test]
 fn what_cannot_be_baked_is_named_with_its_place() {
