@@ -211,7 +211,7 @@ def million(folder, mesh, side):
 
 def main():
     to_place = sys.argv[2:3] == ["--million"] and len(sys.argv) in (4, 5)
-    if len(sys.argv) != 2 and not to_place:
+    if (len(sys.argv) != 2 and not to_place) or sys.argv[1].startswith("-"):
         sys.exit(__doc__)
     folder = Path(sys.argv[1])
     folder.mkdir(parents=True, exist_ok=True)

@@ -9,10 +9,11 @@
 //! the tree's own nodes by [`splitplane_core::tree::node::KdNode`]. A test reads the sources and fails where another file shifts
 //! or masks their words.
 //!
-//! *Making one.* `plan.rs` decides which levels of the tree become one wide node, `pack.rs` puts triangles together to
-//! blocks, and `scratch.rs` does both by many tasks, so that the size is known before any memory is asked for.
+//! *Making one.* `plan.rs` decides which levels of the tree become one wide node, `corners.rs` in which of two ways blocks are stored,
+//! `pack.rs` puts triangles together to blocks, and `scratch.rs` does both by many tasks, so that the size is known before any memory is asked for.
 
 pub(crate) mod cells;
+pub(crate) mod corners;
 pub(crate) mod gathered_block;
 pub(crate) mod indexed;
 pub(crate) mod large;

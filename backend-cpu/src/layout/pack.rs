@@ -10,7 +10,7 @@ use core::hint::select_unpredictable;
 use splitplane_core::aabb::{Aabb, max, min};
 use splitplane_core::triangle::Triangle;
 
-use super::packed_block::PackedBlock;
+use super::packed_block::{LANES_TO_WRITE_OUT, PackedBlock, WRITES_OUT};
 use crate::simd::{MOST_LANES, prefetch};
 
 /// Places in the table of corners: many times the corners of a block.
@@ -21,7 +21,13 @@ const MOST_CORNERS: usize = (3 * MOST_LANES).next_power_of_two();
 /// Triangles that are asked for ahead: they are all over the mesh.
 const AHEAD: usize = 24;
 /// Most words that a block may take.
-pub(crate) const MOST_WORDS: usize = PackedBlock::words(MOST_LANES, 2 * MOST_LANES);
+pub(crate) const MOST_WORDS: usize = {
+    let (shared, written) = (
+        PackedBlock::words(MOST_LANES, 2 * MOST_LANES),
+        PackedBlock::written_words(LANES_TO_WRITE_OUT),
+    );
+    if shared > written { shared } else { written }
+};
 
 /// Packs triangles into blocks of at most `lanes`.
 pub(crate) struct Packer<'a> {
@@ -29,6 +35,8 @@ pub(crate) struct Packer<'a> {
     lanes: usize,
     /// Whether blocks say that their triangles are large.
     large: bool,
+    /// Whether corners are written out.
+    written: bool,
     /// The corners of the mesh's triangles.
     triangles: &'a [Triangle],
     /// By hash: the number of the corner seen last, over all blocks.
@@ -56,10 +64,12 @@ pub(crate) struct PackedSize {
 
 impl<'a> Packer<'a> {
     /// For vectors of `lanes` lanes.
-    pub(crate) fn new(lanes: usize, triangles: &'a [Triangle]) -> Packer<'a> {
+    /// With corners `written` out or shared, for all blocks of a layout alike ([`super::corners::are_written_out`]).
+    pub(crate) fn new(lanes: usize, written: bool, triangles: &'a [Triangle]) -> Packer<'a> {
         Packer {
             lanes,
             large: false,
+            written,
             triangles,
             seen: [0; SLOTS],
             start: 0,
@@ -71,14 +81,18 @@ impl<'a> Packer<'a> {
     }
 
     /// The same for large triangles, in blocks that say so.
-    pub(crate) fn large(lanes: usize, triangles: &'a [Triangle]) -> Packer<'a> {
-        Packer { large: true, ..Packer::new(lanes, triangles) }
+    pub(crate) fn large(lanes: usize, written: bool, triangles: &'a [Triangle]) -> Packer<'a> {
+        Packer { large: true, ..Packer::new(lanes, written, triangles) }
     }
 
     /// Packs as many as fit of the first `left` of some references, one at least, into a block. The
     /// references after those are packed next; `out` has space for [`MOST_WORDS`].
     #[inline(never)]
     pub(crate) fn block(&mut self, references: &[u32], left: usize, out: &mut [u32]) -> PackedSize {
+        // Asked of the constant too, so that a browser's part has no such code.
+        if WRITES_OUT && self.written {
+            return self.write_out(references, left.min(self.lanes), out);
+        }
         let mut count = left.min(self.lanes);
         let different = loop {
             match self.place(references, count, out) {
@@ -107,6 +121,37 @@ impl<'a> Packer<'a> {
         PackedSize { count, words, bounds }
     }
 
+    /// Writes a block of `count` triangles with corners written out.
+    fn write_out(&self, references: &[u32], count: usize, out: &mut [u32]) -> PackedSize {
+        let words = PackedBlock::written_words(count);
+        let (before, coordinates) = out[..words].split_at_mut(1 + count);
+        before[0] = PackedBlock::written_header(count, self.large);
+        before[1..].copy_from_slice(&references[..count]);
+        coordinates[9 * count..].fill(0);
+        let mut bounds = Aabb::EMPTY;
+        for (index, &triangle) in references[..count].iter().enumerate() {
+            self.ask_for(references.get(index + AHEAD));
+            for (corner, at) in self.triangles[triangle as usize].iter().enumerate() {
+                for axis in 0..3 {
+                    coordinates[(3 * axis + corner) * count + index] = at[axis].to_bits();
+                    bounds.lo[axis] = min(at[axis], bounds.lo[axis]);
+                    bounds.hi[axis] = max(at[axis], bounds.hi[axis]);
+                }
+            }
+        }
+        PackedSize { count, words, bounds }
+    }
+
+    /// Prefetches a triangle that is packed later.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn ask_for(&self, reference: Option<&u32>) {
+        if let Some(&next) = reference {
+            let corners = self.triangles.as_ptr().wrapping_add(next as usize).cast::<u8>();
+            prefetch(corners);
+            prefetch(corners.wrapping_add(size_of::<Triangle>() - 1));
+        }
+    }
+
     /// Writes indices and places of the corners for a block of `count` triangles, and says how many
     /// different corners there are; or how many triangles fit where these have too many.
     #[cfg_attr(not(unoptimised), inline(always))]
@@ -126,11 +171,7 @@ impl<'a> Packer<'a> {
             if different + 3 > 2 * self.lanes {
                 return Err(index);
             }
-            if let Some(&next) = references.get(index + AHEAD) {
-                let corners = self.triangles.as_ptr().wrapping_add(next as usize).cast::<u8>();
-                prefetch(corners);
-                prefetch(corners.wrapping_add(size_of::<Triangle>() - 1));
-            }
+            self.ask_for(references.get(index + AHEAD));
             indices[index] = triangle;
             let corners = &self.triangles[triangle as usize];
             for (k, row) in [&mut *first, &mut *second, &mut *third].into_iter().enumerate() {
@@ -192,6 +233,7 @@ mod tests {
     use splitplane_test_support::random::Random;
 
     use super::*;
+    use crate::layout::packed_block::UNIT_WORDS;
 
     /// Triangles whose corners are among this many points: all coordinates are from a few, so that
     /// points often differ in only one.
@@ -218,7 +260,7 @@ mod tests {
             let lanes = [8, MOST_LANES][round % 2];
             let points = [2, 9, 40, 200][round / 2 % 4];
             let triangles = mesh(60, points, &mut random);
-            let mut packer = Packer::new(lanes, &triangles);
+            let mut packer = Packer::new(lanes, false, &triangles);
             let references: Vec<u32> = (0..50).map(|_| random.below(60) as u32).collect();
             let mut left = 1 + random.below(references.len());
             let mut from = 0;
@@ -236,10 +278,7 @@ mod tests {
                     assert_eq!(record.triangle(index), references[from + index]);
                     assert_eq!(record.corners(index), *corners);
                 }
-                assert_eq!(
-                    record.units() as usize * crate::layout::packed_block::UNIT_WORDS,
-                    packed.words
-                );
+                assert_eq!(record.units() as usize * UNIT_WORDS, packed.words);
                 assert!(words[packed.words..].iter().all(|&word| word == u32::MAX));
                 assert_eq!(packed.bounds, Aabb::of_points(expected.as_flattened()));
                 assert_eq!(packed.bounds, record.bounds());
@@ -263,5 +302,51 @@ mod tests {
         // Some corners are stored twice, but few.
         assert!(stored >= needed && stored * 100 <= needed * 102, "{stored} for {needed}");
         assert!(cut > 100, "{cut}");
+    }
+
+    /// Rows are read as vectors, so what a row holds where is looked at word by word, beside what the readers of one triangle say.
+    #[test]
+    fn blocks_of_written_corners_hold_nine_rows_of_all_their_triangles() {
+        let mut random = Random::new(2);
+        let mut coordinate = || random.between(-1.0, 1.0) as f32;
+        let triangles: Vec<Triangle> =
+            (0..300).map(|_| [(); 3].map(|()| [(); 3].map(|()| coordinate()))).collect();
+        let references: Vec<u32> = (0..300).map(|_| random.below(300) as u32).collect();
+        let lanes = LANES_TO_WRITE_OUT;
+        for large in [false, true] {
+            let mut packer = Packer { large, ..Packer::new(lanes, true, &triangles) };
+            for left in 1..=2 * lanes {
+                let from = random.below(250);
+                let mut words = vec![u32::MAX; MOST_WORDS];
+                let packed = packer.block(&references[from..], left, &mut words);
+                let count = left.min(lanes);
+                let record = PackedBlock::at(&words, 0);
+                assert!(record.is_written());
+                assert_eq!(
+                    [packed.count, record.count(), record.corner_count()],
+                    [count, count, 3 * count]
+                );
+                assert_eq!(record.is_large(), large);
+                assert_eq!(record.units() as usize * UNIT_WORDS, packed.words);
+                assert_eq!(packed.words, (1 + 10 * count).next_multiple_of(UNIT_WORDS));
+                assert!(words[packed.words..].iter().all(|&word| word == u32::MAX));
+                assert!(words[1 + 10 * count..packed.words].iter().all(|&word| word == 0));
+                assert_eq!(packed.bounds, record.bounds());
+                let own = &references[from..][..count];
+                assert_eq!(words[1..=count], *own);
+                for (index, &triangle) in own.iter().enumerate() {
+                    let expected = triangles[triangle as usize];
+                    for (axis, corner) in (0..3).flat_map(|axis| [(axis, 0), (axis, 1), (axis, 2)])
+                    {
+                        let word = words[1 + count + (3 * axis + corner) * count + index];
+                        assert_eq!(word, expected[corner][axis].to_bits());
+                    }
+                    assert_eq!(
+                        (record.triangle(index), record.corners(index)),
+                        (triangle, expected)
+                    );
+                }
+            }
+        }
     }
 }

@@ -5,7 +5,7 @@
 //!
 //! | words | what |
 //! |---|---|
-//! | 1 | triangles in bits 0 to 6, whether they are large in bit 7, different corners in bits 8 to 15, words to the corners above |
+//! | 1 | triangles in bits 0 to 5, whether corners are written out in bit 6, whether triangles are large in bit 7, corners in bits 8 to 15, words to their coordinates above |
 //! | 3 n / 4, rounded up | a byte for each corner of n triangles: first corners, second, third |
 //! | n | indices of the triangles in the mesh |
 //! | 3 v | coordinates of v corners: all x, all y, all z |
@@ -16,6 +16,10 @@
 //!
 //! Corners that are a triangle's first come before the place that follows the lanes of a vector, so a test finds all first corners
 //! in one vector. There are never more of them than triangles, and of these no more than lanes.
+//!
+//! Where hardly a corner is shared ([`super::corners`]) and vectors have [`LANES_TO_WRITE_OUT`] lanes, corners are *written out*: there are no
+//! bytes, and v is 3 n. On each axis all first corners come first, then all second ones, then all third ones: nine rows, each as long as
+//! there are triangles. All blocks of a layout are of one kind.
 
 use splitplane_core::aabb::{Aabb, max, min};
 use splitplane_core::triangle::Triangle;
@@ -27,6 +31,12 @@ pub(crate) const UNIT_WORDS: usize = 4;
 /// Words after the last block that vector loads may read.
 pub(crate) const TAIL: usize = 3 * MOST_LANES;
 
+/// Whether any block has its corners written out. Not in a browser, which loads all code before the first ray.
+pub(crate) const WRITES_OUT: bool = !cfg!(target_family = "wasm");
+/// Lanes of the vectors for which corners may be written out: with 16 a block has room for ten triangles that share none, and a
+/// look-up is one operation.
+pub(crate) const LANES_TO_WRITE_OUT: usize = 8;
+
 /// A block.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PackedBlock<'a> {
@@ -37,6 +47,8 @@ pub(crate) struct PackedBlock<'a> {
 impl PackedBlock<'_> {
     /// Set in the first word of a block of [large](super::large) triangles.
     const LARGE: u32 = 1 << 7;
+    /// Set in the first word of a block with corners written out.
+    const WRITTEN: u32 = 1 << 6;
 
     /// The first word of a block with these numbers of triangles and of different corners.
     pub(crate) const fn header(count: usize, corners: usize, large: bool) -> u32 {
@@ -48,6 +60,17 @@ impl PackedBlock<'_> {
     /// Words before the coordinates of a block of `count` triangles.
     pub(crate) const fn before_coordinates(count: usize) -> usize {
         1 + (3 * count).div_ceil(4) + count
+    }
+
+    /// The first word of a block of `count` triangles with corners written out.
+    pub(crate) const fn written_header(count: usize, large: bool) -> u32 {
+        let mark = PackedBlock::WRITTEN | if large { PackedBlock::LARGE } else { 0 };
+        mark | count as u32 | (3 * count as u32) << 8 | (1 + count as u32) << 16
+    }
+
+    /// Words of a block of `count` triangles with corners written out.
+    pub(crate) const fn written_words(count: usize) -> usize {
+        (1 + count + 9 * count).next_multiple_of(UNIT_WORDS)
     }
 
     /// Words of a block with these numbers of triangles and of different corners.
@@ -85,7 +108,7 @@ impl<'a> PackedBlock<'a> {
     /// Triangles, 1 to 16.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) fn count(&self) -> usize {
-        (self.first_word() & 0x7f) as usize
+        (self.first_word() & 0x3f) as usize
     }
 
     /// Whether these are [large](super::large) triangles, in a block of their own.
@@ -94,7 +117,13 @@ impl<'a> PackedBlock<'a> {
         self.first_word() & PackedBlock::LARGE != 0
     }
 
-    /// Different corners, at most 32.
+    /// Whether corners are written out.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) fn is_written(&self) -> bool {
+        WRITES_OUT && self.first_word() & PackedBlock::WRITTEN != 0
+    }
+
+    /// Corners: different ones, at most 32, or three times the triangles where they are written out.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) fn corner_count(&self) -> usize {
         (self.first_word() >> 8 & 0xff) as usize
@@ -112,13 +141,13 @@ impl<'a> PackedBlock<'a> {
         (self.before() + 3 * self.corner_count()).div_ceil(UNIT_WORDS) as u32
     }
 
-    /// Places of the first, second or third corners, a byte each.
+    /// Places of the first, second or third corners, a byte each, where corners are shared.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) fn places(&self, corner: usize) -> *const u8 {
         self.words.as_ptr().wrapping_add(1).cast::<u8>().wrapping_add(corner * self.count())
     }
 
-    /// The places of a triangle's corners.
+    /// The places of a triangle's corners, where corners are shared.
     ///
     /// # Safety
     /// The triangle must be one of the block's.
@@ -133,7 +162,7 @@ impl<'a> PackedBlock<'a> {
         [place[0] as usize, place[1] as usize, place[2] as usize]
     }
 
-    /// Coordinates of the different corners on an axis.
+    /// Coordinates of the corners on an axis.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) fn coordinates(&self, axis: usize) -> *const f32 {
         self.coordinates_at(size_of::<f32>() * axis)
@@ -166,7 +195,11 @@ impl<'a> PackedBlock<'a> {
         // Loops, since closures do not get the instructions of a caller's set.
         for (corner, coordinates) in corners.iter_mut().enumerate() {
             let byte = corner * self.count() + index;
-            let place = self.words[1 + byte / 4].to_ne_bytes()[byte % 4] as usize;
+            let place = if self.is_written() {
+                byte
+            } else {
+                self.words[1 + byte / 4].to_ne_bytes()[byte % 4] as usize
+            };
             for (axis, x) in coordinates.iter_mut().enumerate() {
                 *x = f32::from_bits(self.words[start + axis * count + place]);
             }

@@ -24,6 +24,7 @@ use splitplane_core::triangle::Triangle;
 use self::packed_words::{Budget, PackedWords};
 use self::planning::LayoutPlanning;
 use super::cells::halves;
+use super::corners::are_written_out;
 use super::large::Large;
 use super::packed_block::UNIT_WORDS;
 use super::plan::{Branch, Branches, PlaceCosts, Planner, run_nodes};
@@ -81,6 +82,8 @@ pub(crate) struct LayoutSize {
     pub wide: usize,
     /// What is much larger than its leaves.
     pub large: Large,
+    /// Whether blocks have their corners written out.
+    pub written: bool,
     /// The root's branch, if the tree has triangles.
     pub root: Option<u32>,
     /// Bytes that the scratch has grown by.
@@ -133,8 +136,18 @@ impl LayoutScratch {
         };
         let planner = Planner::new(set.lanes(), &tree.bounds);
         let mut large = Large::of(tree, source.triangles, meter);
-        let maker =
-            LayoutPlanning { tree, source, set, meter, planner, budget: &budget, large: &large };
+        let written = source.layout != QueryLayout::Compact
+            && are_written_out(set.lanes(), tree.references, source.triangles);
+        let maker = LayoutPlanning {
+            tree,
+            source,
+            set,
+            meter,
+            planner,
+            budget: &budget,
+            large: &large,
+            written,
+        };
         let out = Scatter::new(&mut branches[..tree.nodes.len()]);
         let packing = span::pieces_of(1);
         tasks.par_iter_mut().zip(&mut *parts).for_each(|(task, part)| {
@@ -175,7 +188,7 @@ impl LayoutScratch {
             }
         };
         let scratch = budget.held.into_inner() - memory.held;
-        Ok(LayoutSize { words, wide, large, root: root.branch(), scratch })
+        Ok(LayoutSize { words, wide, large, written, root: root.branch(), scratch })
     }
 
     /// Writes the blocks, and the nodes of the tree with leaves that name them, to memory of the

@@ -12,7 +12,7 @@ use splitplane_core::triangle::Triangle;
 
 use super::indexed::IndexedMesh;
 use super::large::Large;
-use super::packed_block::{TAIL, UNIT_WORDS};
+use super::packed_block::{TAIL, UNIT_WORDS, WRITES_OUT};
 use super::scratch::{LayoutScratch, LayoutSize, LayoutSource};
 use super::walk_node::WalkNode;
 use super::wide;
@@ -32,6 +32,8 @@ pub(crate) struct TreeLayout {
     pub(crate) nodes: Vec<WalkNode>,
     pub(crate) wide: WideNodes,
     pub(crate) words: Vec<u32>,
+    /// Whether all blocks have their corners written out; otherwise none has.
+    written: bool,
     /// Triangles that are much larger than their leaves.
     pub(crate) large: Large,
     /// In the compact layout only.
@@ -49,6 +51,7 @@ impl TreeLayout {
             nodes: Vec::new(),
             wide: WideNodes::new(set.lanes()),
             words: Vec::new(),
+            written: false,
             large: Large::none(Aabb::EMPTY),
             mesh: None,
         }
@@ -175,8 +178,8 @@ impl TreeLayout {
         meter: &ProgressMeter<'_>,
         scratch: &mut LayoutScratch,
     ) {
-        let TreeLayout { tree, nodes, wide, words, large, mesh, .. } = self;
-        *large = size.large;
+        let TreeLayout { tree, nodes, wide, words, written, large, mesh, .. } = self;
+        (*large, *written) = (size.large, size.written);
         let leaves = match source.layout {
             QueryLayout::Compact => {
                 (*nodes, *words) = (Vec::new(), Vec::new());
@@ -224,6 +227,12 @@ impl TreeLayout {
     /// The layout that this is.
     pub(crate) fn layout(&self) -> QueryLayout {
         if self.mesh.is_some() { QueryLayout::Compact } else { QueryLayout::Fast }
+    }
+
+    /// Whether all blocks have their corners written out, so that no block has to be asked.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) fn is_written(&self) -> bool {
+        WRITES_OUT && self.written
     }
 
     /// The mesh of the compact layout.

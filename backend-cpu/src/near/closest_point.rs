@@ -25,7 +25,7 @@ use crate::memory::lengthen;
 use crate::near::triangle_bound;
 use crate::simd::{Compiled, MOST_LANES, Simd};
 use crate::trace::leaves::{IndexedLeaves, Leaves, PackedLeaves};
-use crate::trace::triangle_block::TriangleBlock;
+use crate::trace::triangle_block::{TriangleBlock, WrittenBlock};
 
 /// By this much more than the reference's limit a squared distance may be measured: 16 u.
 const MEASURED: f64 = 9.536_743_164_062_5e-7; // 2^-20
@@ -125,6 +125,25 @@ struct Measured {
     stop: f32,
     /// A bound of a triangle's squared distance that is greater is certainly too far.
     triangle_stop: f32,
+}
+
+/// [`Measured::visit_block`] of a block with corners written out, in a function of its own, as for rays
+/// ([`test_either`](crate::trace::block_test::test_either)).
+struct VisitWritten<'a, 'b> {
+    measured: &'a mut Measured,
+    block: WrittenBlock<'b>,
+    guess: &'a mut Option<(u32, Triangle)>,
+}
+
+impl Compiled for VisitWritten<'_, '_> {
+    type Output = ();
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn run<S: Simd>(self) {
+        let VisitWritten { measured, block, guess } = self;
+        // SAFETY: the caller's contract.
+        unsafe { measured.visit_block::<S, _>(&block, guess) }
+    }
 }
 
 impl Measured {
@@ -269,7 +288,14 @@ impl Measured {
             // SAFETY: the caller's contract.
             let (block, next) = unsafe { leaves.block::<S>(leaf, from, room) };
             // SAFETY: the caller's contract.
-            unsafe { self.visit_block::<S, _>(&block, guess) };
+            unsafe {
+                match L::written(&block) {
+                    None => self.visit_block::<S, _>(&block, guess),
+                    Some(block) => {
+                        S::call(VisitWritten { measured: &mut *self, block, guess: &mut *guess });
+                    }
+                }
+            }
             from = next;
             if L::ONE || from == 0 {
                 return;

@@ -1,7 +1,7 @@
 //! The wide triangle test: which triangles of a block hold a hit, and where.
 
-use super::triangle_block::{TriangleBlock, Vectors};
-use core::hint::black_box;
+use super::triangle_block::{TriangleBlock, Vectors, WrittenBlock};
+use core::hint::{assert_unchecked, black_box};
 
 use splitplane_core::arithmetic::{Strict, power_of_two, snap};
 use splitplane_core::query::intersect::{
@@ -164,6 +164,53 @@ pub(crate) unsafe fn test<S: Simd, T: TriangleBlock, K: Keep>(
             }
         }
         test_sifted(ray_state, *block, (options, query, keep), &Met::of(&meeting), best)
+    }
+}
+
+/// [`test()`] of a block that is given as one with corners `written` out too where it is that. Those are tested in a function of their own: few
+/// meshes have such blocks, and the test of the others must not lose registers to theirs.
+///
+/// # Safety
+/// As for [`test()`].
+#[cfg_attr(not(unoptimised), inline(always))]
+pub(crate) unsafe fn test_either<S: Simd, T: TriangleBlock, K: Keep>(
+    ray_state: &RayState,
+    (block, written): (&T, Option<WrittenBlock<'_>>),
+    how: (&QueryOptions<'_>, Query, K),
+    best: &mut BestHit,
+) -> bool {
+    // SAFETY: the caller's contract.
+    unsafe {
+        match written {
+            None => test::<S, T, K>(ray_state, block, how, best),
+            Some(block) if how.0.accuracy == Accuracy::Watertight => {
+                S::call(WrittenTest::<_, true> { ray_state, block, how, best })
+            }
+            Some(block) => S::call(WrittenTest::<_, false> { ray_state, block, how, best }),
+        }
+    }
+}
+
+/// A test of a block with corners written out, of accuracy `watertight` or of any other.
+struct WrittenTest<'a, K, const WATERTIGHT: bool> {
+    ray_state: &'a RayState,
+    block: WrittenBlock<'a>,
+    how: (&'a QueryOptions<'a>, Query, K),
+    best: &'a mut BestHit,
+}
+
+impl<K: Keep, const WATERTIGHT: bool> Compiled for WrittenTest<'_, K, WATERTIGHT> {
+    /// Whether the best hit changed.
+    type Output = bool;
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn run<S: Simd>(self) -> bool {
+        let WrittenTest { ray_state, block, how, best } = self;
+        // SAFETY: the caller's contract; the accuracy is what it says.
+        unsafe {
+            assert_unchecked((how.0.accuracy == Accuracy::Watertight) == WATERTIGHT);
+            test::<S, _, K>(ray_state, &block, how, best)
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! What a child that is not a node represents in the two layouts: a block, or a leaf of the tree
 //! whose triangles are gathered when a ray gets there.
 
-use super::triangle_block::TriangleBlock;
+use super::triangle_block::{TriangleBlock, WrittenBlock};
 use crate::layout::gathered_block::GatheredBlock;
 use crate::layout::indexed::{GatherBuffer, IndexedMesh};
 use crate::layout::packed_block::{PackedBlock, UNIT_WORDS};
@@ -20,8 +20,23 @@ pub(crate) trait Leaves: Copy {
     where
         Self: 'b;
 
+    /// The same leaves where no block has its corners written out, so that none is asked.
+    type Shared: Leaves;
+
     /// Space for one traversal.
     fn room() -> Self::Room;
+
+    /// These leaves as those; no block may have its corners written out.
+    fn shared(self) -> Self::Shared;
+
+    /// A block as one with corners written out, if it is that and is not read so already.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn written<'b>(_: &Self::Block<'b>) -> Option<WrittenBlock<'b>>
+    where
+        Self: 'b,
+    {
+        None
+    }
 
     /// The part of a child that is read first; must not be read for numbers of other children.
     fn address(self, child: u32) -> *const u8;
@@ -41,7 +56,8 @@ pub(crate) trait Leaves: Copy {
         Self: 'b;
 }
 
-/// Blocks: a child is the unit at which its block begins.
+/// Blocks: a child is the unit at which its block begins. Each is asked how its corners are stored, for who goes from mesh to mesh or asks
+/// little.
 #[derive(Clone, Copy)]
 pub(crate) struct PackedLeaves<'a> {
     words: &'a [u32],
@@ -55,16 +71,30 @@ impl<'a> PackedLeaves<'a> {
     }
 }
 
-impl Leaves for PackedLeaves<'_> {
+impl<'a> Leaves for PackedLeaves<'a> {
     const ONE: bool = true;
     type Room = ();
     type Block<'b>
         = PackedBlock<'b>
     where
         Self: 'b;
+    type Shared = SharedLeaves<'a>;
 
     #[cfg_attr(not(unoptimised), inline(always))]
     fn room() {}
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn shared(self) -> SharedLeaves<'a> {
+        SharedLeaves(self)
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn written<'b>(block: &PackedBlock<'b>) -> Option<WrittenBlock<'b>>
+    where
+        Self: 'b,
+    {
+        WrittenBlock::of(block)
+    }
 
     #[cfg_attr(not(unoptimised), inline(always))]
     fn address(self, child: u32) -> *const u8 {
@@ -83,6 +113,98 @@ impl Leaves for PackedLeaves<'_> {
     {
         // SAFETY: the caller's contract.
         (unsafe { PackedBlock::at_unchecked(self.words, child) }, 0)
+    }
+}
+
+/// Blocks of which none has its corners written out.
+#[derive(Clone, Copy)]
+pub(crate) struct SharedLeaves<'a>(PackedLeaves<'a>);
+
+impl Leaves for SharedLeaves<'_> {
+    const ONE: bool = true;
+    type Room = ();
+    type Block<'b>
+        = PackedBlock<'b>
+    where
+        Self: 'b;
+    type Shared = Self;
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn room() {}
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn shared(self) -> Self {
+        self
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn address(self, child: u32) -> *const u8 {
+        self.0.address(child)
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn block<'b, S: Simd>(
+        self,
+        child: u32,
+        from: usize,
+        room: &'b mut (),
+    ) -> (Self::Block<'b>, usize)
+    where
+        Self: 'b,
+    {
+        // SAFETY: the caller's contract.
+        unsafe { self.0.block::<S>(child, from, room) }
+    }
+}
+
+/// Blocks that all have their corners written out.
+#[derive(Clone, Copy)]
+pub(crate) struct WrittenLeaves<'a>(PackedLeaves<'a>);
+
+impl<'a> WrittenLeaves<'a> {
+    /// The blocks of a layout that [is written](TreeLayout::is_written).
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) fn new(layout: &'a TreeLayout) -> WrittenLeaves<'a> {
+        debug_assert!(layout.is_written());
+        WrittenLeaves(PackedLeaves::new(layout))
+    }
+}
+
+impl Leaves for WrittenLeaves<'_> {
+    const ONE: bool = true;
+    type Room = ();
+    type Block<'b>
+        = WrittenBlock<'b>
+    where
+        Self: 'b;
+    type Shared = Self;
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn room() {}
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn shared(self) -> Self {
+        self
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn address(self, child: u32) -> *const u8 {
+        self.0.address(child)
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn block<'b, S: Simd>(
+        self,
+        child: u32,
+        from: usize,
+        room: &'b mut (),
+    ) -> (Self::Block<'b>, usize)
+    where
+        Self: 'b,
+    {
+        // SAFETY: the caller's contract.
+        let (block, next) = unsafe { self.0.block::<S>(child, from, room) };
+        (WrittenBlock::of_written(block), next)
     }
 }
 
@@ -113,6 +235,12 @@ impl Leaves for IndexedLeaves<'_> {
         = GatheredBlock<'b>
     where
         Self: 'b;
+    type Shared = Self;
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn shared(self) -> Self {
+        self
+    }
 
     #[cfg_attr(not(unoptimised), inline(always))]
     fn room() -> GatherBuffer {

@@ -47,8 +47,8 @@ use splitplane_core::ray::{Culling, Hit, QueryOptions, Ray, Rays};
 use splitplane_core::triangle::Triangle;
 
 use super::ray_state::RayState;
-use super::triangle_block::TriangleBlock;
-use crate::simd::{MOST_LANES, Simd};
+use super::triangle_block::{TriangleBlock, WrittenBlock};
+use crate::simd::{Compiled, MOST_LANES, Simd};
 
 /// The error of an edge function, in R P.
 pub(crate) const EDGE_ERROR: f32 = 36.0 * ROUNDING;
@@ -217,8 +217,8 @@ impl ExactLane {
         Err(CertainHit { corners: &self.corners, triangle: self.triangle })
     }
 
-    /// Tests a block for a ray of a batch; `stop` is the inner `t` beyond which nothing can precede the best hit. True when
-    /// the best hit changed.
+    /// Tests a block for a ray of a batch, which is given as one with corners written out too where it is that; `stop` is the inner `t`
+    /// beyond which nothing can precede the best hit. True when the best hit changed.
     ///
     /// # Safety
     /// The processor must have the set.
@@ -226,15 +226,16 @@ impl ExactLane {
     pub(crate) unsafe fn test<S: Simd, T: TriangleBlock>(
         &mut self,
         (rays, ray_state): (&Rays<'_>, &RayState),
-        block: &T,
+        block: (&T, Option<WrittenBlock<'_>>),
         options: &QueryOptions<'_>,
         query: Query,
         stop: &mut f32,
     ) -> bool {
         let limit = self.reach.t_max.min(*stop);
         // SAFETY: the caller's contract.
-        match unsafe { sift::<S, T>(ray_state, &self.reach, block, limit, options.culling) } {
-            Some(sifted) => self.take(block, &sifted, (rays, ray_state), options, query, stop),
+        match unsafe { sift_either::<S, T>(ray_state, &self.reach, block, limit, options.culling) }
+        {
+            Some(sifted) => self.take(block.0, &sifted, (rays, ray_state), options, query, stop),
             None => false,
         }
     }
@@ -481,6 +482,48 @@ impl<S: Simd> Sight<S> {
             let within = S::bits(S::and(S::le(first, low), S::le(high, last)));
             Judged { bits, certain: bits & inside & within, low, high }
         }
+    }
+}
+
+/// [`sift`] of a block that is given as one with corners `written` out too where it is that. Those are sifted in a function of their own, as in
+/// [`test_either`](super::block_test::test_either).
+///
+/// # Safety
+/// As for [`sift`].
+#[cfg_attr(not(unoptimised), inline(always))]
+pub(crate) unsafe fn sift_either<S: Simd, T: TriangleBlock>(
+    ray_state: &RayState,
+    reach: &Reach,
+    (block, written): (&T, Option<WrittenBlock<'_>>),
+    limit: f32,
+    culling: Culling,
+) -> Option<Sifted> {
+    // SAFETY: the caller's contract.
+    unsafe {
+        match written {
+            None => sift::<S, T>(ray_state, reach, block, limit, culling),
+            Some(block) => S::call(SiftWritten { ray_state, reach, block, limit, culling }),
+        }
+    }
+}
+
+/// What [`sift`] takes, of a block with corners written out.
+struct SiftWritten<'a> {
+    ray_state: &'a RayState,
+    reach: &'a Reach,
+    block: WrittenBlock<'a>,
+    limit: f32,
+    culling: Culling,
+}
+
+impl Compiled for SiftWritten<'_> {
+    type Output = Option<Sifted>;
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn run<S: Simd>(self) -> Option<Sifted> {
+        let SiftWritten { ray_state, reach, block, limit, culling } = self;
+        // SAFETY: the caller's contract.
+        unsafe { sift::<S, _>(ray_state, reach, &block, limit, culling) }
     }
 }
 

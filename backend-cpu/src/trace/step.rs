@@ -314,9 +314,15 @@ impl<L: Leaves, K: Keep> Compiled for TestLeaf<'_, '_, L, K> {
                 match exact {
                     Some((exact, rays)) => {
                         let ray = (*rays, &**ray_state);
-                        exact.test::<S, _>(ray, &block, options, query, &mut best.stop)
+                        let block = (&block, L::written(&block));
+                        exact.test::<S, _>(ray, block, options, query, &mut best.stop)
                     }
-                    None => leaf::test::<S, _, _>(ray_state, &block, (options, query, keep), best),
+                    None => leaf::test_either::<S, _, _>(
+                        ray_state,
+                        (&block, L::written(&block)),
+                        (options, query, keep),
+                        best,
+                    ),
                 }
             };
             if L::ONE || from == 0 || (better && query == Query::Any) {

@@ -14,16 +14,14 @@ use splitplane_core::ray::Accuracy;
 use super::batch::{Answers, RayBatch};
 use super::block_test::BestHit;
 use super::exact;
-use super::keep::KeepAll;
-use super::leaves::{IndexedLeaves, Leaves, PackedLeaves};
+use super::leaves::{IndexedLeaves, Leaves, PackedLeaves, WrittenLeaves};
 use super::packet::Packet;
 use super::prepare::{CHUNK, PreparedRays};
 use super::queues::{FLIGHT, Queues, Turn};
 use super::ray_state::RayState;
 use super::sieve::{ExactLane, Reach};
-use super::step::TestContext;
 use super::supply::{EXACT_IN_TURN, Supply};
-use super::turns::{AtBlocks, AtNodes, Blocks, Lane, Lanes};
+use super::turns::{AtNodes, Blocks, Lane, Lanes};
 use super::unfinished::Unfinished;
 use crate::layout::wide_node::DONE;
 use crate::memory::{boxed, lengthen};
@@ -129,6 +127,13 @@ impl Compiled for Stream<'_> {
     }
 }
 
+/// What rays at blocks share, by how all blocks of the layout are stored. It is asked once a turn, so that blocks are not asked: where every one
+/// was, that took back half of what writing corners out gives.
+enum EveryBlock<'a, L: Leaves> {
+    Shared(Blocks<'a, L::Shared>),
+    Written(Blocks<'a, WrittenLeaves<'a>>),
+}
+
 /// Traces what the batch has.
 ///
 /// # Safety
@@ -143,7 +148,6 @@ unsafe fn fly<S: Simd, L: Leaves>(
 ) {
     let RayBatch { layout, scene, rays, options, query } = batch;
     let lines = layout.wide.lines();
-    let test = TestContext { leaves, options, query, keep: KeepAll };
     let room = layout.wide.stack();
     let Flight { lanes, exact, stacks, ready, ray_states, packet } = flight;
     packet.begin(layout, query);
@@ -159,7 +163,12 @@ unsafe fn fly<S: Simd, L: Leaves>(
     }
     let (lanes, exact) = (lanes[..FLIGHT].as_mut_ptr(), exact[..FLIGHT].as_mut_ptr());
     let lanes = Lanes { lanes, exact, room, lines: lines.as_ptr(), leaves };
-    let blocks = &mut Blocks { lanes, test, room: L::room(), exactly: exactly.then_some(rays) };
+    let how = (options, query, exactly.then_some(rays));
+    let mut blocks = if layout.is_written() {
+        EveryBlock::<L>::Written(lanes.blocks(WrittenLeaves::new(layout), how))
+    } else {
+        EveryBlock::<L>::Shared(lanes.blocks(leaves.shared(), how))
+    };
     loop {
         for number in queues.take(Turn::Refill) {
             // SAFETY: lanes are below FLIGHT.
@@ -207,10 +216,9 @@ unsafe fn fly<S: Simd, L: Leaves>(
         // SAFETY: the caller's contract; as many lanes as queues have.
         unsafe {
             queues = S::call(AtNodes(&lanes, queues));
-            queues = if options.accuracy == Accuracy::Watertight {
-                S::call(AtBlocks::<L, true>(blocks, queues))
-            } else {
-                S::call(AtBlocks::<L, false>(blocks, queues))
+            queues = match &mut blocks {
+                EveryBlock::Shared(blocks) => blocks.take_turns::<S>(queues),
+                EveryBlock::Written(blocks) => blocks.take_turns::<S>(queues),
             };
         }
     }

@@ -1,4 +1,4 @@
-//! Blocks of triangles as the wide tests read them: packed ones share corners, gathered ones do not.
+//! Blocks of triangles as the wide tests read them: packed ones share corners or have them written out, gathered ones do not share them.
 
 use splitplane_core::triangle::Triangle;
 
@@ -55,7 +55,8 @@ pub(crate) trait TriangleBlock: Copy {
     unsafe fn of_corners<S: Simd>(vectors: Vectors<S>, places: [S::Places; 3]) -> [S::Floats; 3];
 }
 
-/// Corners are shared: only some blocks need the second vector, but which ones cannot be predicted.
+/// Corners are shared: only some blocks need the second vector, but which ones cannot be predicted. A block with corners
+/// [written out](PackedBlock::is_written) must be read as [`WrittenBlock`].
 impl TriangleBlock for PackedBlock<'_> {
     const VECTORS: usize = 2;
 
@@ -109,6 +110,79 @@ impl TriangleBlock for PackedBlock<'_> {
     ) -> [S::Floats; 3] {
         // SAFETY: the caller's contract.
         unsafe { of_corners::<S>([low, high], places) }
+    }
+}
+
+/// A packed block with corners [written out](PackedBlock::is_written).
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct WrittenBlock<'a>(PackedBlock<'a>);
+
+impl<'a> WrittenBlock<'a> {
+    /// The block as one with corners written out, if it is that.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) fn of(block: &PackedBlock<'a>) -> Option<WrittenBlock<'a>> {
+        block.is_written().then_some(WrittenBlock(*block))
+    }
+
+    /// The block as it is packed.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) fn packed(&self) -> &PackedBlock<'a> {
+        &self.0
+    }
+
+    /// The same as [`WrittenBlock::of`] of a block that must be that.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) fn of_written(block: PackedBlock<'a>) -> WrittenBlock<'a> {
+        debug_assert!(block.is_written());
+        WrittenBlock(block)
+    }
+}
+
+/// Rows as long as there are triangles: one vector for the first corners, one for the second, one for the third. Lanes after the last
+/// triangle hold what follows, and do not count.
+impl TriangleBlock for WrittenBlock<'_> {
+    const VECTORS: usize = 3;
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn count(&self) -> usize {
+        self.0.count()
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn is_large(&self) -> bool {
+        self.0.is_large()
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn triangle(&self, index: usize) -> u32 {
+        self.0.triangle(index)
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn triangles(&self) -> *const u32 {
+        self.0.triangles()
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn corners(&self, index: usize) -> Triangle {
+        self.0.corners(index)
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn coordinates_at<S: Simd>(&self, bytes: usize, vector: usize) -> S::Floats {
+        // SAFETY: the caller's contract.
+        unsafe { S::load(self.0.coordinates_at(bytes).wrapping_add(vector * self.0.count())) }
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn places<S: Simd>(&self) -> [S::Places; 3] {
+        // SAFETY: the caller's contract. Nothing is looked up.
+        unsafe { [S::places([0; MOST_LANES].as_ptr()); 3] }
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn of_corners<S: Simd>(vectors: Vectors<S>, _: [S::Places; 3]) -> [S::Floats; 3] {
+        vectors
     }
 }
 

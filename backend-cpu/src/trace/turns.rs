@@ -7,9 +7,10 @@
 use core::hint::assert_unchecked;
 
 use splitplane_core::query::traverse::Query;
-use splitplane_core::ray::{Accuracy, Rays};
+use splitplane_core::ray::{Accuracy, QueryOptions, Rays};
 
 use super::block_test::BestHit;
+use super::keep::KeepAll;
 use super::leaves::Leaves;
 use super::queues::{FLIGHT, Queues, Turn};
 use super::ray_state::RayState;
@@ -45,6 +46,18 @@ pub(super) struct Lanes<L> {
 }
 
 impl<L: Leaves> Lanes<L> {
+    /// What these rays share at blocks, which are read as `leaves` has them: options, query, and the batch where the accuracy is `exact`.
+    pub(super) fn blocks<'a, M: Leaves>(
+        self,
+        leaves: M,
+        (options, query, exactly): (&'a QueryOptions<'a>, Query, Option<Rays<'a>>),
+    ) -> Blocks<'a, M> {
+        let Lanes { lanes, exact, room, lines, .. } = self;
+        let lanes = Lanes { lanes, exact, room, lines, leaves };
+        let test = TestContext { leaves, options, query, keep: KeepAll };
+        Blocks { lanes, test, room: M::room(), exactly }
+    }
+
     /// A ray.
     ///
     /// # Safety
@@ -109,19 +122,34 @@ impl<L: Leaves> Compiled for AtNodes<'_, L> {
 
 /// What rays at blocks share.
 pub(super) struct Blocks<'a, L: Leaves> {
-    pub lanes: Lanes<L>,
-    pub test: TestContext<'a, L>,
-    pub room: L::Room,
+    lanes: Lanes<L>,
+    test: TestContext<'a, L>,
+    room: L::Room,
     /// The batch, where the accuracy is `exact`.
-    pub exactly: Option<Rays<'a>>,
+    exactly: Option<Rays<'a>>,
+}
+
+impl<L: Leaves> Blocks<'_, L> {
+    /// Tests all rays that are at blocks. Returns what rays wait for then.
+    ///
+    /// # Safety
+    /// The processor must have the set; rays at blocks must be at those of the leaves.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(super) unsafe fn take_turns<S: Simd>(&mut self, queues: Queues) -> Queues {
+        // SAFETY: the caller's contract.
+        unsafe {
+            if self.test.options.accuracy == Accuracy::Watertight {
+                S::call(AtBlocks::<L, true>(self, queues))
+            } else {
+                S::call(AtBlocks::<L, false>(self, queues))
+            }
+        }
+    }
 }
 
 /// A test of all rays that are at blocks, of accuracy `watertight` or of any other: tests of the one have no branches and keep nothing
 /// for the sake of the others. Two words, as above.
-pub(super) struct AtBlocks<'a, 'b, L: Leaves, const WATERTIGHT: bool>(
-    pub &'a mut Blocks<'b, L>,
-    pub Queues,
-);
+struct AtBlocks<'a, 'b, L: Leaves, const WATERTIGHT: bool>(&'a mut Blocks<'b, L>, Queues);
 
 impl<L: Leaves, const WATERTIGHT: bool> Compiled for AtBlocks<'_, '_, L, WATERTIGHT> {
     /// What rays wait for then.

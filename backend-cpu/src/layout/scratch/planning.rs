@@ -26,6 +26,8 @@ pub(super) struct LayoutPlanning<'a> {
     pub(super) planner: Planner,
     pub(super) budget: &'a Budget,
     pub(super) large: &'a Large,
+    /// Whether blocks have their corners written out.
+    pub(super) written: bool,
 }
 
 impl LayoutPlanning<'_> {
@@ -38,7 +40,7 @@ impl LayoutPlanning<'_> {
         branches: &mut [Branch],
     ) {
         let nodes = &self.tree.nodes[task.first as usize..task.end as usize];
-        let mut packer = Packer::new(self.set.lanes(), self.source.triangles);
+        let mut packer = Packer::new(self.set.lanes(), self.written, self.source.triangles);
         // Large triangles have blocks of their own already, and are in the others for nothing.
         let divided = LeafGroups::are_worth_their_time(&self.tree.config) && self.large.is_empty();
         let mut groups = divided.then(|| LeafGroups::new(self.set.lanes(), self.planner.scale()));
@@ -163,7 +165,7 @@ impl LayoutPlanning<'_> {
         if triangles.is_empty() || self.source.layout == QueryLayout::Compact {
             return Some(0);
         }
-        let mut packer = Packer::large(self.set.lanes(), self.source.triangles);
+        let mut packer = Packer::large(self.set.lanes(), self.written, self.source.triangles);
         let (_, blocks) = self.pack(triangles, [triangles.len(), 0], &mut packer, part)?;
         Some(blocks)
     }

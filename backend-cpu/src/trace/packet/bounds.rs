@@ -2,10 +2,11 @@
 //! out.
 
 use super::Packet;
+use super::packet_block::PacketBlock;
 use super::row::{GroupRow, ZERO, store};
 use crate::layout::packed_block::PackedBlock;
 use crate::simd::{MOST_LANES, Simd};
-use crate::trace::triangle_block::{Table, of_corners};
+use crate::trace::triangle_block::{Table, TriangleBlock, WrittenBlock, of_corners};
 
 /// Bounds that hold for all rays of a packet.
 #[derive(Clone, Copy, Default)]
@@ -137,17 +138,17 @@ impl Packet {
     /// # Safety
     /// As for [`Packet::trace`].
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(super) unsafe fn cull<S: Simd>(&self, block: &PackedBlock<'_>) -> u32 {
+    pub(super) unsafe fn cull<'b, S: Simd, T: PacketBlock<'b>>(&self, block: &T) -> u32 {
         // SAFETY: the caller's contract.
-        unsafe { self.cull_within::<S>(block, 0.0, [self.bounds.enter, self.bounds.stop]) }
+        unsafe { block.cull::<S>(self, 0.0, [self.bounds.enter, self.bounds.stop]) }
     }
 
-    /// The same for sheared corners that may be off by `slack`, and depths in a range.
+    /// The same for sheared corners that may be off by `slack`, and depths in a range, of a block of shared corners.
     ///
     /// # Safety
     /// As for [`Packet::trace`].
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(super) unsafe fn cull_within<S: Simd>(
+    pub(super) unsafe fn cull_shared<S: Simd>(
         &self,
         block: &PackedBlock<'_>,
         slack: f32,
@@ -179,13 +180,74 @@ impl Packet {
                 S::places(block.places(1)),
                 S::places(block.places(2)),
             ];
-            let left = S::max(least::<S>(tables[0][0], places), least::<S>(tables[1][0], places));
-            let right = S::min(most::<S>(tables[0][1], places), most::<S>(tables[1][1], places));
-            let met = S::and(S::le(left, S::splat(slack)), S::le(S::splat(-slack), right));
-            // The rays enter the bounds within their limits: so this holds for those too.
-            let reached = S::le(S::splat(enter), most::<S>(tables[2][1], places));
-            let before = S::le(least::<S>(tables[2][0], places), S::splat(stop));
-            S::bits(S::and(met, S::and(reached, before)))
+            let [x, y, depth] = tables;
+            let ends = [
+                [least::<S>(x[0], places), most::<S>(x[1], places)],
+                [least::<S>(y[0], places), most::<S>(y[1], places)],
+                [least::<S>(depth[0], places), most::<S>(depth[1], places)],
+            ];
+            met_within::<S>(ends, slack, [enter, stop])
         }
+    }
+
+    /// The same of a block with corners written out.
+    ///
+    /// # Safety
+    /// As for [`Packet::trace`].
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(super) unsafe fn cull_written<S: Simd>(
+        &self,
+        block: &WrittenBlock<'_>,
+        slack: f32,
+        range: [f32; 2],
+    ) -> u32 {
+        let Bounds { origin, shear, .. } = &self.bounds;
+        // SAFETY: the caller's contract.
+        unsafe {
+            let zero = S::splat(0.0);
+            let mut ends = [[zero; 2]; 3];
+            // In the order in which shared corners are compared, so that also what is no number gives the same.
+            for corner in [2, 1, 0] {
+                let mut from = [[zero; 2]; 3];
+                for axis in 0..3 {
+                    let x = block.coordinates::<S>(self.axes[axis], corner);
+                    let [lo, hi] = origin[axis];
+                    from[axis] = [S::sub(x, S::splat(hi)), S::sub(x, S::splat(lo))];
+                }
+                for axis in 0..3 {
+                    let [less, more] = products::<S>(shear[axis], from[2]);
+                    let [lo, hi] = from[axis];
+                    let lo = if axis < 2 { S::sub(lo, more) } else { less };
+                    let hi = if axis < 2 { S::sub(hi, less) } else { more };
+                    let [least, most] = &mut ends[axis];
+                    let first = corner == 2;
+                    *least = if first { lo } else { S::min(lo, *least) };
+                    *most = if first { hi } else { S::max(hi, *most) };
+                }
+            }
+            met_within::<S>(ends, slack, range)
+        }
+    }
+}
+
+/// Which triangles are on no side of the ray, nor before or behind the limits: given the least and the greatest of their sheared corners on
+/// both flat axes and of their depths.
+///
+/// # Safety
+/// The processor must have the set.
+#[cfg_attr(not(unoptimised), inline(always))]
+unsafe fn met_within<S: Simd>(
+    [x, y, depth]: [[S::Floats; 2]; 3],
+    slack: f32,
+    [enter, stop]: [f32; 2],
+) -> u32 {
+    // SAFETY: the caller's contract.
+    unsafe {
+        let (left, right) = (S::max(x[0], y[0]), S::min(x[1], y[1]));
+        let met = S::and(S::le(left, S::splat(slack)), S::le(S::splat(-slack), right));
+        // The rays enter the bounds within their limits: so this holds for those too.
+        let reached = S::le(S::splat(enter), depth[1]);
+        let before = S::le(depth[0], S::splat(stop));
+        S::bits(S::and(met, S::and(reached, before)))
     }
 }

@@ -12,10 +12,10 @@ use splitplane_core::ray::{Culling, Hit, QueryOptions, Rays};
 use splitplane_core::triangle::Triangle;
 
 use super::group::Group;
+use super::packet_block::PacketBlock;
 use super::row::{GroupRow, ZERO, load, put, store};
 use super::triangle::corners;
 use super::{FEW, FEWEST_LANES, MOST_GROUPS, Packet, PacketRays};
-use crate::layout::packed_block::PackedBlock;
 use crate::layout::tree_layout::TreeLayout;
 use crate::simd::{Compiled, MOST_LANES, Simd};
 use crate::trace::exact_hits::{FirstLanes, Meetings, Numbers};
@@ -208,11 +208,11 @@ impl Packet {
     /// # Safety
     /// As for [`Packet::trace`].
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(super) unsafe fn cull_exactly<S: Simd>(&self, block: &PackedBlock<'_>) -> u32 {
+    pub(super) unsafe fn cull_exactly<'b, S: Simd, T: PacketBlock<'b>>(&self, block: &T) -> u32 {
         let [enter, stop] = [self.bounds.enter, self.bounds.stop];
         let [enter, stop] = [enter - enter.abs() * STOP_SLACK, stop + stop.abs() * STOP_SLACK];
         // SAFETY: the caller's contract.
-        unsafe { self.cull_within::<S>(block, self.exact.slack, [enter, stop]) }
+        unsafe { block.cull::<S>(self, self.exact.slack, [enter, stop]) }
     }
 
     /// A test of a block for some rays of a group, some triangles of it.
@@ -220,9 +220,9 @@ impl Packet {
     /// # Safety
     /// As for [`Packet::trace`].
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(super) unsafe fn block_exactly<S: Simd>(
+    pub(super) unsafe fn block_exactly<'b, S: Simd, T: PacketBlock<'b>>(
         &mut self,
-        block: &PackedBlock<'_>,
+        block: &T,
         rays: &mut PacketRays<'_>,
         (triangles, active): (u32, u32),
         options: &QueryOptions<'_>,
@@ -241,24 +241,24 @@ impl Packet {
 }
 
 /// A group of exact rays at a block.
-struct ExactTest<'a, 'b> {
+struct ExactTest<'a, 'b, T> {
     group: &'a mut Group,
     exact: &'a mut ExactGroup,
     errors: &'a [[f32; 2]; 2],
-    block: &'a PackedBlock<'a>,
+    block: &'a T,
     rays: &'a mut PacketRays<'b>,
     options: &'a QueryOptions<'a>,
     query: Query,
 }
 
 /// Some of its triangles, and some of the rays.
-struct ExactBlock<'a, 'b> {
-    test: ExactTest<'a, 'b>,
+struct ExactBlock<'a, 'b, T> {
+    test: ExactTest<'a, 'b, T>,
     triangles: u32,
     active: u32,
 }
 
-impl Compiled for ExactBlock<'_, '_> {
+impl<'b, T: PacketBlock<'b>> Compiled for ExactBlock<'_, '_, T> {
     /// Whether a best hit changed.
     type Output = bool;
 
@@ -308,7 +308,7 @@ impl Compiled for ExactBlock<'_, '_> {
     }
 }
 
-impl ExactTest<'_, '_> {
+impl<'b, T: PacketBlock<'b>> ExactTest<'_, '_, T> {
     /// A triangle's corners as the rays see them.
     ///
     /// # Safety
@@ -319,7 +319,7 @@ impl ExactTest<'_, '_> {
         unsafe {
             let origin = self.rays.rows::<S>(&self.rays.ready.sheared_origin);
             let shear = self.rays.rows::<S>(&self.rays.ready.shear);
-            let [a, b, c] = corners::<S>(self.block, index, self.group.axes);
+            let [a, b, c] = corners::<S, _>(self.block, index, self.group.axes);
             [
                 Corner::new(a, origin, shear),
                 Corner::new(b, origin, shear),
@@ -396,7 +396,7 @@ impl ExactTest<'_, '_> {
                 put::<S>(mask, &mut self.exact.high, high);
                 let limit = S::add(high, S::mul(S::abs(high), S::splat(STOP_SLACK)));
                 put::<S>(mask, &mut self.exact.limit, limit);
-                let at = corners::<S>(self.block, index, [0, 1, 2]);
+                let at = corners::<S, _>(self.block, index, [0, 1, 2]);
                 for (rows, at) in self.exact.corners.iter_mut().zip(at) {
                     for (row, x) in rows.iter_mut().zip(at) {
                         put::<S>(mask, row, x);

@@ -3,14 +3,15 @@
 use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions};
 
+use super::packet_block::PacketBlock;
 use super::row::{GroupRow, ZERO, load, store};
 use super::{FEW, PacketRays};
-use crate::layout::packed_block::PackedBlock;
 use crate::simd::{Compiled, MOST_LANES, Simd};
 use crate::trace::block_test as leaf;
 use crate::trace::block_test::BestHit;
 use crate::trace::keep::KeepAll;
 use crate::trace::step::Octant;
+use crate::trace::triangle_block::TriangleBlock;
 use crate::trace::watertight::or_zero;
 
 /// The costs of one triangle against all rays, and of one ray against a whole block.
@@ -107,9 +108,9 @@ impl Group {
     /// # Safety
     /// As for [`super::Packet::trace`].
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(super) unsafe fn block<S: Simd>(
+    pub(super) unsafe fn block<'b, S: Simd, T: PacketBlock<'b>>(
         &mut self,
-        block: &PackedBlock<'_>,
+        block: &T,
         rays: &mut PacketRays<'_>,
         mut triangles: u32,
         mut active: u32,
@@ -132,7 +133,7 @@ impl Group {
                 while rest != 0 {
                     let index = rest.trailing_zeros() as usize;
                     rest &= rest - 1;
-                    let met = self.within::<S>(block, rays, index) & active != 0;
+                    let met = self.within::<S, _>(block, rays, index) & active != 0;
                     triangles ^= u32::from(!met) << index;
                 }
             }
@@ -143,9 +144,9 @@ impl Group {
                     continue;
                 }
                 let (taken, unclear) = if fast {
-                    (self.test_fast::<S>(block, rays, index, active, options.culling, query), 0)
+                    (self.test_fast::<S, _>(block, rays, index, active, options.culling, query), 0)
                 } else {
-                    self.test::<S>(block, rays, index, active, options.culling, query)
+                    self.test::<S, _>(block, rays, index, active, options.culling, query)
                 };
                 if taken | unclear == 0 {
                     continue;
@@ -172,9 +173,9 @@ impl Group {
     /// # Safety
     /// As for [`super::Packet::trace`].
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn test_ray<S: Simd>(
+    unsafe fn test_ray<S: Simd, T: TriangleBlock>(
         &mut self,
-        block: &PackedBlock<'_>,
+        block: &T,
         rays: &mut PacketRays<'_>,
         lane: usize,
         options: &QueryOptions<'_>,
@@ -257,16 +258,16 @@ impl Group {
 
 /// Tests of a block for some rays, one at a time, in a separate function: inlined they would take
 /// registers from the loops around them.
-struct Singly<'a, 'b> {
+struct Singly<'a, 'b, T> {
     group: &'a mut Group,
-    block: &'a PackedBlock<'a>,
+    block: &'a T,
     rays: &'a mut PacketRays<'b>,
     active: u32,
     options: &'a QueryOptions<'a>,
     query: Query,
 }
 
-impl Compiled for Singly<'_, '_> {
+impl<T: TriangleBlock> Compiled for Singly<'_, '_, T> {
     /// Whether a best hit changed.
     type Output = bool;
 
@@ -278,7 +279,7 @@ impl Compiled for Singly<'_, '_> {
             let lane = active.trailing_zeros() as usize;
             active &= active - 1;
             // SAFETY: the caller's contract.
-            better |= unsafe { group.test_ray::<S>(block, rays, lane, options, query) };
+            better |= unsafe { group.test_ray::<S, T>(block, rays, lane, options, query) };
         }
         better
     }

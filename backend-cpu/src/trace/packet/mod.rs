@@ -14,6 +14,7 @@ pub(crate) mod bounds;
 #[cfg(not(target_family = "wasm"))]
 pub(crate) mod exact;
 mod group;
+mod packet_block;
 pub(crate) mod row;
 mod take;
 #[cfg(test)]
@@ -30,16 +31,18 @@ use self::bounds::{Bounds, greatest};
 #[cfg(not(target_family = "wasm"))]
 use self::exact::ExactPacket;
 use self::group::Group;
+use self::packet_block::PacketBlock;
 use self::row::{GroupRow, load};
 use self::worth::Worth;
 use crate::layout::packed_block::PackedBlock;
 use crate::layout::tree_layout::TreeLayout;
 use crate::layout::wide_node::{CacheLine, children_offset, is_leaf, leaf_number, lines_of_node};
 use crate::memory::lengthen;
-use crate::simd::{MOST_LANES, Simd};
+use crate::simd::{Compiled, MOST_LANES, Simd};
 use crate::trace::prepare::{CHUNK, PerRay, PreparedRays};
 use crate::trace::ray_state::{EXIT_FACTOR, RayState};
 use crate::trace::step::{Octant, octants_of};
+use crate::trace::triangle_block::WrittenBlock;
 use crate::trace::watertight::Span;
 
 /// Up to this many rays are each tested alone against a whole block.
@@ -242,6 +245,28 @@ impl Packet {
         options: &QueryOptions<'_>,
         query: Query,
     ) {
+        // SAFETY: the caller's contract; blocks are of the kind that the layout says.
+        unsafe {
+            if layout.is_written() {
+                let (packet, asked) = (self, (options, query));
+                return S::call(WalkWritten::<G, EXACT> { packet, layout, rays, asked });
+            }
+            self.walk_blocks::<S, PackedBlock<'_>, G, EXACT>(layout, rays, options, query);
+        }
+    }
+
+    /// The same through blocks of one kind.
+    ///
+    /// # Safety
+    /// As for [`Packet::trace`]; the layout's blocks must be of that kind.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn walk_blocks<'b, S: Simd, T: PacketBlock<'b>, const G: usize, const EXACT: bool>(
+        &mut self,
+        layout: &'b TreeLayout,
+        rays: &mut PacketRays<'_>,
+        options: &QueryOptions<'_>,
+        query: Query,
+    ) {
         self.worth.begins(G * S::N);
         let (lines, words) = (layout.wide.lines().as_ptr(), &layout.words[..]);
         let room = layout.wide.stack();
@@ -280,8 +305,8 @@ impl Packet {
                         node = child;
                         break;
                     }
-                    let block = PackedBlock::at_unchecked(words, leaf_number(child));
-                    if self.block::<S, G, EXACT>(&block, rays, active, options, query) {
+                    let block = T::of(PackedBlock::at_unchecked(words, leaf_number(child)));
+                    if self.block::<S, T, G, EXACT>(&block, rays, active, options, query) {
                         self.bounds.stop = self.last::<S, G>();
                         if self.bounds.stop == f32::NEG_INFINITY {
                             return;
@@ -366,9 +391,9 @@ impl Packet {
     /// # Safety
     /// As for [`Packet::trace`].
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn block<S: Simd, const G: usize, const EXACT: bool>(
+    unsafe fn block<'b, S: Simd, T: PacketBlock<'b>, const G: usize, const EXACT: bool>(
         &mut self,
-        block: &PackedBlock<'_>,
+        block: &T,
         rays: &mut PacketRays<'_>,
         active: [u32; G],
         options: &QueryOptions<'_>,
@@ -387,8 +412,8 @@ impl Packet {
             triangles &= unsafe {
                 match () {
                     #[cfg(not(target_family = "wasm"))]
-                    () if EXACT => self.cull_exactly::<S>(block),
-                    () => self.cull::<S>(block),
+                    () if EXACT => self.cull_exactly::<S, _>(block),
+                    () => self.cull::<S, _>(block),
                 }
             };
         }
@@ -402,15 +427,36 @@ impl Packet {
             if EXACT {
                 let tested = (triangles, active);
                 // SAFETY: the caller's contract.
-                better |= unsafe { self.block_exactly::<S>(block, rays, tested, options, query) };
+                better |=
+                    unsafe { self.block_exactly::<S, _>(block, rays, tested, options, query) };
                 continue;
             }
             // SAFETY: the caller's contract.
             better |= unsafe {
                 let group = self.groups.get_unchecked_mut(self.first + k);
-                group.block::<S>(block, rays, triangles, active, options, query)
+                group.block::<S, _>(block, rays, triangles, active, options, query)
             };
         }
         better
+    }
+}
+
+/// A walk through blocks with corners written out, in a function of its own: few meshes have them, and that of the others must not lose
+/// registers to them.
+struct WalkWritten<'a, 'b, const G: usize, const EXACT: bool> {
+    packet: &'a mut Packet,
+    layout: &'a TreeLayout,
+    rays: &'a mut PacketRays<'b>,
+    asked: (&'a QueryOptions<'a>, Query),
+}
+
+impl<const G: usize, const EXACT: bool> Compiled for WalkWritten<'_, '_, G, EXACT> {
+    type Output = ();
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn run<S: Simd>(self) {
+        let WalkWritten { packet, layout, rays, asked: (options, query) } = self;
+        // SAFETY: the caller's contract.
+        unsafe { packet.walk_blocks::<S, WrittenBlock<'_>, G, EXACT>(layout, rays, options, query) }
     }
 }

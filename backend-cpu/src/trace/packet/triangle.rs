@@ -6,8 +6,8 @@ use splitplane_core::ray::{Culling, QueryOptions};
 
 use super::PacketRays;
 use super::group::Group;
+use super::packet_block::PacketBlock;
 use super::row::{GroupRow, load, put};
-use crate::layout::packed_block::PackedBlock;
 use crate::simd::{Compiled, Simd};
 use crate::trace::block_test::decide;
 use crate::trace::fast;
@@ -18,9 +18,9 @@ impl Group {
     /// Decides a triangle for some rays by the reference test. Returns those whose best hit
     /// changed.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(super) fn decide(
+    pub(super) fn decide<'b, T: PacketBlock<'b>>(
         &mut self,
-        block: &PackedBlock<'_>,
+        block: &T,
         index: usize,
         mut unclear: u32,
         rays: &PacketRays<'_>,
@@ -46,9 +46,9 @@ impl Group {
     /// # Safety
     /// As for [`super::Packet::trace`].
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(super) unsafe fn within<S: Simd>(
+    pub(super) unsafe fn within<'b, S: Simd, T: PacketBlock<'b>>(
         &self,
-        block: &PackedBlock<'_>,
+        block: &T,
         rays: &PacketRays<'_>,
         index: usize,
     ) -> u32 {
@@ -62,9 +62,9 @@ impl Group {
     /// # Safety
     /// As for [`super::Packet::trace`].
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(super) unsafe fn test<S: Simd>(
+    pub(super) unsafe fn test<'b, S: Simd, T: PacketBlock<'b>>(
         &mut self,
-        block: &PackedBlock<'_>,
+        block: &T,
         rays: &PacketRays<'_>,
         index: usize,
         active: u32,
@@ -82,7 +82,7 @@ impl Group {
                 meeting = met.meeting();
             }
             let Meeting { met, unclear, t, v, w, det, .. } = meeting;
-            (self.take::<S>(block, rays, index, met, [t, v, w, det], query), unclear)
+            (self.take::<S, _>(block, rays, index, met, [t, v, w, det], query), unclear)
         }
     }
 
@@ -92,9 +92,9 @@ impl Group {
     /// # Safety
     /// As for [`super::Packet::trace`].
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn take<S: Simd>(
+    unsafe fn take<'b, S: Simd, T: PacketBlock<'b>>(
         &mut self,
-        block: &PackedBlock<'_>,
+        block: &T,
         rays: &PacketRays<'_>,
         index: usize,
         met: u32,
@@ -147,9 +147,9 @@ impl Group {
     /// # Safety
     /// As for [`super::Packet::trace`].
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(super) unsafe fn test_fast<S: Simd>(
+    pub(super) unsafe fn test_fast<'b, S: Simd, T: PacketBlock<'b>>(
         &mut self,
-        block: &PackedBlock<'_>,
+        block: &T,
         rays: &PacketRays<'_>,
         index: usize,
         active: u32,
@@ -160,7 +160,7 @@ impl Group {
         unsafe {
             let origin = rays.rows::<S>(&rays.ready.origin);
             let direction = rays.rows::<S>(&rays.ready.direction);
-            let corners = corners::<S>(block, index, [0, 1, 2]);
+            let corners = corners::<S, _>(block, index, [0, 1, 2]);
             let limit = S::min(load::<S>(&self.beyond), rays.row::<S>(&rays.ready.t_max));
             let span = [rays.row::<S>(&rays.ready.t_min), limit];
             let meeting = fast::meet::<S>(origin, direction, corners, span, culling);
@@ -169,7 +169,7 @@ impl Group {
                 return 0;
             }
             let found = [meeting.t, meeting.u, meeting.v, S::splat(1.0)];
-            self.take::<S>(block, rays, index, met, found, query)
+            self.take::<S, _>(block, rays, index, met, found, query)
         }
     }
 }
@@ -179,14 +179,14 @@ impl Group {
 /// # Safety
 /// The processor must have the set; the triangle must be one of the block's.
 #[cfg_attr(not(unoptimised), inline(always))]
-pub(super) unsafe fn corners<S: Simd>(
-    block: &PackedBlock<'_>,
+pub(super) unsafe fn corners<'b, S: Simd, T: PacketBlock<'b>>(
+    block: &T,
     index: usize,
     [x, y, z]: [usize; 3],
 ) -> [[S::Floats; 3]; 3] {
     // SAFETY: the caller's contract.
     unsafe {
-        let (x, y, z) = (block.coordinates(x), block.coordinates(y), block.coordinates(z));
+        let (x, y, z) = (block.row(x), block.row(y), block.row(z));
         let [a, b, c] = block.places_of(index);
         [
             [S::splat(*x.add(a)), S::splat(*y.add(a)), S::splat(*z.add(a))],
@@ -205,17 +205,17 @@ impl<S: Simd> ShearedTriangle<S> {
     /// # Safety
     /// As for [`super::Packet::trace`]; the triangle must be one of the block's.
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn new(
+    unsafe fn new<'b, T: PacketBlock<'b>>(
         rays: &PacketRays<'_>,
         axes: [usize; 3],
-        block: &PackedBlock<'_>,
+        block: &T,
         index: usize,
     ) -> ShearedTriangle<S> {
         // SAFETY: the caller's contract.
         unsafe {
             let origin = rays.rows::<S>(&rays.ready.sheared_origin);
             let shear = rays.rows::<S>(&rays.ready.shear);
-            let [a, b, c] = corners::<S>(block, index, axes);
+            let [a, b, c] = corners::<S, _>(block, index, axes);
             let corners = [
                 Corner::new(a, origin, shear),
                 Corner::new(b, origin, shear),
@@ -255,16 +255,16 @@ impl<S: Simd> View<S> for ShearedTriangle<S> {
 }
 
 /// A closer look at a triangle for the rays that are unclear.
-struct GroupCloserLook<'a> {
+struct GroupCloserLook<'a, T> {
     rays: &'a PacketRays<'a>,
-    block: &'a PackedBlock<'a>,
+    block: &'a T,
     index: usize,
     /// See [`Group::beyond`].
     beyond: &'a GroupRow,
     met: &'a mut Met,
 }
 
-impl Compiled for GroupCloserLook<'_> {
+impl<'b, T: PacketBlock<'b>> Compiled for GroupCloserLook<'_, T> {
     type Output = ();
 
     #[cfg_attr(not(unoptimised), inline(always))]
@@ -275,7 +275,7 @@ impl Compiled for GroupCloserLook<'_> {
             let pairs = Pairs::<S> {
                 origin: self.rays.rows::<S>(&ready.origin),
                 direction: self.rays.rows::<S>(&ready.direction),
-                corners: corners::<S>(self.block, self.index, [0, 1, 2]),
+                corners: corners::<S, _>(self.block, self.index, [0, 1, 2]),
             };
             let mut meeting = self.met.meeting::<S>();
             meeting.look_closely(pairs, &self.rays.span::<S>(self.beyond));
