@@ -20,14 +20,18 @@ fn mesh(scene: &mut Scene, triangles: usize, seed: u64) {
     scene.add_instance(Instance::in_place(name)).expect("an instance");
 }
 
+/// So many spheres.
+fn row(spheres: usize) -> Shapes {
+    let sphere = |i: usize| Sphere { centre: [i as f32, 0.0, 0.5], radius: 0.25 };
+    Shapes::Spheres((0..spheres).map(sphere).collect())
+}
+
 /// A scene of three meshes, with so many spheres behind the first, where there are any.
 fn scene(seed: u64, spheres: usize) -> Scene {
     let mut scene = Scene::new();
     mesh(&mut scene, TRIANGLES[0], seed);
     if spheres > 0 {
-        let sphere = |i: usize| Sphere { centre: [i as f32, 0.0, 0.5], radius: 0.25 };
-        let all = Shapes::Spheres((0..spheres).map(sphere).collect());
-        let name = scene.add_shapes(all).expect("a geometry");
+        let name = scene.add_shapes(row(spheres)).expect("a geometry");
         scene.add_instance(Instance::in_place(name)).expect("an instance");
     }
     mesh(&mut scene, TRIANGLES[1], seed + 1);
@@ -166,4 +170,26 @@ fn no_kind_of_update_holds_more_than_its_limit_beside_shapes() {
         both.set(&old);
     }
     assert!(seen.iter().flatten().all(|&times| times > 0), "{seen:?}");
+}
+
+/// Here no build needs more beside its tree than the spheres take that are built last, so that the meshes' builds leave the limit to the sum of all.
+/// Nothing is placed: what is placed would be counted anew.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn meshes_that_were_built_count_beside_the_shapes_built_after_them() {
+    let mut scene = Scene::new();
+    scene.add_shapes(row(16_000)).expect("a geometry");
+    for seed in 0..60 {
+        scene.add_mesh(&scenes::soup(500, 0.2, seed).mesh()).expect("a geometry");
+    }
+    let backend = WgpuBackend::without_selftest(Gpu::clone(&common::gpu()));
+    let build = |max_memory| {
+        let options = BuildOptions { max_memory, ..BuildOptions::default() };
+        pollster::block_on(backend.build_scene_async(&scene, &options))
+    };
+    let all = build(None).expect("a scene").scene().bytes();
+    assert_eq!(build(Some(all)).expect("a scene").scene().bytes(), all);
+    let error = BuildError::OutOfMemory { needed: all, limit: all - 1 };
+    let refused = Some(SceneBuildError::Geometry { geometry: 60, error });
+    assert_eq!(build(Some(all - 1)).err(), refused);
 }
