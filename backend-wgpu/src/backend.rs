@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::num::NonZeroU32;
 use std::sync::Arc;
 
-use splitplane_core::backend::scene::{SceneAccelerator, UpdateReport};
+use splitplane_core::backend::scene::{SceneAccelerator, UpdateReport, bytes_of};
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions};
 use splitplane_core::cancel::go_on;
 use splitplane_core::config::BuildConfig;
@@ -391,7 +391,8 @@ impl WgpuBackend {
         Ok((scene, built))
     }
 
-    /// As [`Backend::build_scene`], without blocking while the device builds geometries. Trees over shapes are built on the CPU, in one piece.
+    /// As [`Backend::build_scene`], without blocking while the device builds geometries. Trees over shapes are built on the CPU, in one piece,
+    /// after all others. `max_memory` is the same limit as there.
     ///
     /// # Errors
     /// As for [`Backend::build_scene`].
@@ -429,14 +430,15 @@ impl WgpuBackend {
             let done = ready.len() as u64;
             let progress = Progress { stage: Stage::Geometries, done, total };
             go_on(options.watch, progress).map_err(|_| SceneBuildError::Cancelled { progress })?;
-            let max_memory = options.max_memory.map(|limit| limit.saturating_sub(held));
-            let own = BuildOptions { max_memory, ..*options };
-            let one = self.build_accelerator_async(&mesh.mesh(), &own).await;
+            let one = self.build_accelerator_async(&mesh.mesh(), &options.beside(held)).await;
             let one = one.map_err(|error| match error {
                 BuildError::Cancelled { .. } => SceneBuildError::Cancelled { progress },
-                error => SceneBuildError::Geometry { geometry: name.0, error },
+                error => {
+                    let error = error.beside(held, options.max_memory);
+                    SceneBuildError::Geometry { geometry: name.0, error }
+                }
             })?;
-            held = held.saturating_add(one.query_bytes());
+            held = held.saturating_add(bytes_of(&one));
             ready.push_back(Box::new(one));
         }
         built.update_with(scene, options, ready).await

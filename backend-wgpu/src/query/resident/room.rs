@@ -94,6 +94,8 @@ impl Room {
     }
 
     /// With new buffers in place of those that are too small for the scene as it came to be: a worn tree over instances that was built anew may have more nodes.
+    /// The scene is updated and takes what it takes: where the limit has no place for it beside what was reserved, room to spare is given up, and then all
+    /// is sent to buffers of no more than is needed.
     ///
     /// # Errors
     /// Why the scene cannot be on the device.
@@ -104,13 +106,29 @@ impl Room {
         held: u64,
         max_memory: Option<u64>,
     ) -> Result<Room, String> {
-        let Room { mut buffers, sending } = self;
-        let mut bytes = buffers.each_ref().map(wgpu::Buffer::size);
-        for (own, needed) in bytes.iter_mut().zip(sizes.bytes()).take(OF_INSTANCES) {
+        let Room { mut buffers, mut sending } = self;
+        let mut reserved = buffers.each_ref().map(wgpu::Buffer::size);
+        for (own, needed) in reserved.iter_mut().zip(sizes.bytes()).take(OF_INSTANCES) {
             *own = needed.max(*own);
         }
-        if let Some(reason) = exceeded(gpu, &bytes, held, max_memory) {
-            return Err(reason);
+        let all = sizes.bytes();
+        let staying = match &sending {
+            Sending::All => all,
+            Sending::Changed { places, .. } => {
+                let PackedSizes { top_nodes, instances, .. } = *sizes;
+                PackedSizes { top_nodes, instances, ..places.ends() }.bytes()
+            }
+        };
+        let mut outcome = Err(String::new());
+        for bytes in [reserved, staying, all] {
+            outcome = exceeded(gpu, &bytes, held, max_memory).map_or(Ok(bytes), Err);
+            if outcome.is_ok() {
+                break;
+            }
+        }
+        let bytes = outcome?;
+        if bytes != reserved && bytes != staying {
+            sending = Sending::All;
         }
         buffers = made(gpu, Some(&buffers), &bytes).map_err(|error| error.to_string())?;
         Ok(Room { buffers, sending })

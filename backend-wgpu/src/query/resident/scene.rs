@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use splitplane_core::backend::scene::{
     BuildGeometry, BuiltScene, SceneAccelerator, SceneAnswer, SceneClosestPoint,
-    SceneClosestPointOptions, SceneOverlapOptions, SceneOverlaps, UpdateReport,
+    SceneClosestPointOptions, SceneOverlapOptions, SceneOverlaps, UpdateReport, bytes_of,
 };
 use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::error::{BuildError, DeviceError, QueryError};
@@ -81,9 +81,15 @@ impl WgpuScene {
         options: &BuildOptions<'_>,
         mut ready: VecDeque<Box<dyn Accelerator>>,
     ) -> Result<UpdateReport, SceneBuildError> {
-        let mut next = |_: &Mesh<'_>, _: &BuildOptions<'_>| {
+        let mut next = |_: &Mesh<'_>, options: &BuildOptions<'_>| {
             let lacking = || DeviceError::Failed("a geometry was not built before".into());
-            ready.pop_front().ok_or_else(|| BuildError::Device(lacking()))
+            let tree = ready.pop_front().ok_or_else(|| BuildError::Device(lacking()))?;
+            // Trees over shapes, which are built only now, leave less room than there was.
+            let needed = bytes_of(&*tree);
+            match options.max_memory {
+                Some(limit) if needed > limit => Err(BuildError::OutOfMemory { needed, limit }),
+                _ => Ok(tree),
+            }
         };
         self.settled(|own| own.update_by(scene, options, &mut next)).await
     }
@@ -242,8 +248,9 @@ impl SceneAccelerator for WgpuScene {
         self.held.as_ref().err().map(String::as_str)
     }
 
-    /// As there. What the device lacks memory for is an error, and the old scene answers; a scene that exceeds the limits of its
-    /// bindings is answered in waves: see [`SceneAccelerator::placed_by_cpu`].
+    /// As there. Where the device has no memory for the scene's buffers, that is an error, and the old scene answers. A scene that exceeds the limits
+    /// of the device's bindings, or `max_memory` with its buffers, is updated and answered in waves, and so is one that fails later, while it is packed and
+    /// sent: [`SceneAccelerator::placed_by_cpu`] says why, and the next update tries again.
     fn update_by(
         &mut self,
         scene: &Scene,

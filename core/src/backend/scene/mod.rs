@@ -42,6 +42,8 @@ pub use overlap::{SceneOverlapOptions, SceneOverlaps, SceneTriangle};
 pub use packed::GeometryChange;
 pub use pending::{FinishError, PendingUpdate};
 pub use shared::SharedGeometry;
+#[doc(hidden)]
+pub use shared::bytes_of;
 pub use spares::SceneUpdater;
 pub use update::{Becoming, TopUpdate, UpdateReport};
 pub use write_file::{SceneWriteError, write_file};

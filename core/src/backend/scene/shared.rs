@@ -77,8 +77,9 @@ impl SharedGeometry {
     }
 }
 
-/// Bytes of a tree and of what queries read.
-pub(super) fn bytes_of(accelerator: &dyn Accelerator) -> u64 {
+/// Bytes of a tree and of what queries read: what a geometry counts towards the limit of an update. For backends that build geometries before.
+#[doc(hidden)]
+pub fn bytes_of(accelerator: &dyn Accelerator) -> u64 {
     let tree = accelerator.tree();
     let tree = size_of_val(&tree.nodes[..]) + size_of_val(&tree.references[..]);
     accelerator.query_bytes() + tree as u64

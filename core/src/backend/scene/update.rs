@@ -157,7 +157,8 @@ impl BuiltScene {
         let mut plan = self.build_geometries(scene, options, build)?;
         plan.go_on(options)?;
         self.place_instances(scene, &mut plan, options)?;
-        // Nothing else has looked at them. What few placements take meanwhile is not worth a refusal.
+        // Masks have not been counted yet. Fewer than a few thousand placements count only together with them, or where instances come or go: alone
+        // they are not worth a refusal.
         let masks = self.new_mask_bytes(scene);
         if masks > 0 {
             self.check_limit(&plan, masks, options)?;
@@ -289,21 +290,17 @@ impl BuiltScene {
             let progress = Progress { stage: Stage::Geometries, done, total: total as u64 };
             go_on(options.watch, progress).map_err(|_| SceneBuildError::Cancelled { progress })?;
             // Whoever set a limit reads of that limit, and of all that counts towards it.
-            let whole = options.max_memory.unwrap_or(u64::MAX);
             let wrong = |error| match error {
                 BuildError::Cancelled { .. } => SceneBuildError::Cancelled { progress },
-                BuildError::OutOfMemory { needed, limit } if needed > limit => {
-                    let needed = needed.saturating_add(held);
-                    let error = BuildError::OutOfMemory { needed, limit: whole };
+                error => {
+                    let error = BuildError::beside(error, held, options.max_memory);
                     SceneBuildError::Geometry { geometry: name.0, error }
                 }
-                error => SceneBuildError::Geometry { geometry: name.0, error },
             };
-            let left = options.max_memory.map(|limit| limit.saturating_sub(held));
-            let own = BuildOptions { max_memory: left, ..*options };
+            let own = options.beside(held);
             let first = repeats.first_of(mesh);
             let built = if mesh.shapes().is_some() {
-                BuiltGeometry::of_shapes(Arc::clone(mesh), left).map_err(wrong)?
+                BuiltGeometry::of_shapes(Arc::clone(mesh), own.max_memory).map_err(wrong)?
             } else if let Some(tree) = first.and_then(|first| tree_again(&mut geometries, first)) {
                 BuiltGeometry::new(Arc::clone(mesh), Box::new(tree))
             } else {
