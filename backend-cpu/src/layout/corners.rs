@@ -6,7 +6,8 @@
 //!
 //! It is decided once for all blocks of a layout. So who asks many rays of it asks once how its blocks are stored and has code of
 //! its own for either, and what the test of shared corners keeps in registers does not depend on the other. (Asked block by block
-//! it took back half of what writing out had gained.) A mesh of which a part shares corners and a part does not is stored with shared corners.
+//! it took back half and more of what writing out had gained.) A mesh of which a part shares corners and a part does not is stored with shared
+//! corners, unless that part is small or no run meets it.
 //!
 //! The decision is a function of the tree and its triangles: a few runs of the tree's references are looked at, which are places in space. In
 //! the mesh's own list neighbours may be anywhere. Nothing depends on threads, on time or on what memory held before. Hits do not
@@ -25,7 +26,7 @@ const RUNS: usize = 8;
 const SHARED: usize = 12;
 
 /// Whether blocks of `lanes` have their corners written out, given a tree's references and the mesh's triangles. Never where
-/// there are fewer than 128 references: such a mesh is in cache whatever its blocks.
+/// there are fewer than 128 references: too few to tell, and little to gain.
 pub(crate) fn are_written_out(lanes: usize, references: &[u32], triangles: &[Triangle]) -> bool {
     if !WRITES_OUT || lanes != LANES_TO_WRITE_OUT || references.len() < RUN * RUNS {
         return false;

@@ -56,7 +56,7 @@ impl Compiled for Single<'_> {
             if layout.is_written() {
                 return S::call(ThroughWritten(self));
             }
-            // These are asked block by block even so: by count that takes 2 to 8 % less than leaves that are known to be shared.
+            // These are asked block by block even so: by count that takes less than leaves that are known to be shared.
             self.usual::<S, _>(PackedLeaves::new(layout))
         }
     }

@@ -265,7 +265,8 @@ pub(crate) fn ask_for_block<S: Simd, L: Leaves>(leaves: L, child: u32) {
     ask_for_lines::<S>(leaves.address(leaf_number(child)));
 }
 
-/// Prefetches as many lines as a node has, and most blocks.
+/// Prefetches as many lines as a node has, and most blocks of shared corners. Of seven or eight triangles whose corners are written out the last
+/// one or two lines are not among them.
 #[cfg_attr(not(unoptimised), inline(always))]
 fn ask_for_lines<S: Simd>(at: *const u8) {
     for line in 0..lines_of_node(S::N) {

@@ -128,7 +128,7 @@ impl Compiled for Stream<'_> {
 }
 
 /// What rays at blocks share, by how all blocks of the layout are stored. It is asked once a turn, so that blocks are not asked: where every one
-/// was, that took back half of what writing corners out gives.
+/// was, that took back half and more of what writing corners out gives.
 enum EveryBlock<'a, L: Leaves> {
     Shared(Blocks<'a, L::Shared>),
     Written(Blocks<'a, WrittenLeaves<'a>>),
