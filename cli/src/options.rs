@@ -37,7 +37,8 @@ pub(super) struct Common {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(super) threads: Option<u16>,
     /// Most bytes a build or an answer of all hits may hold besides the mesh, and those that instances may become which
-    /// a scene file bakes; k, M and G stand for powers of 1024
+    /// a scene file bakes and its .obj files after the first hold; the text of a scene file is not among them and takes
+    /// about twenty times its size; k, M and G stand for powers of 1024
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     pub(super) max_memory: Option<u64>,
     /// Most bytes of a file that is read whole: a scene, a frame of it, rays. Half of the machine's memory

@@ -12,7 +12,8 @@ pub struct SceneOptions {
     pub cutouts: bool,
     /// Whether instances that a scene file bakes become one mesh, which is for rays; else they stay instances.
     pub bake: bool,
-    /// Most bytes that a scene file of many objects may ask for beside what is in its files: parts of .obj files that are named again, opacity masks, and what it bakes.
+    /// Most bytes that a scene file of many objects may ask for beside its first .obj file and its own text: .obj files after the first (links and copies of
+    /// one too), parts of them that are named again, opacity masks, and what it bakes. Reading the text itself may take about twenty times its size: see `file_limit`.
     /// A small file can ask for very much; more is an error that names the place with which it is too much. `None` is half of the machine's memory, and
     /// 16 GiB where that is not known.
     pub memory_limit: Option<u64>,

@@ -4,7 +4,7 @@ use super::SceneFileProblem;
 use crate::Scene;
 use std::ops::Range;
 
-/// Bytes that a file asks for by naming things again: a part of an .obj file once more, with another material or as another group; opacity masks, which are
+/// Bytes that a file asks for by naming things again: a part of an .obj file once more, with another material or as another group; .obj files after the first, which may be links to one; opacity masks, which are
 /// finer than what they are made from; and baked instances. A small file may ask for more than a machine has. All are counted before they are taken.
 pub(super) struct Budget {
     taken: u64,
@@ -49,4 +49,13 @@ pub(super) fn bytes_of_copy(scene: &Scene, runs: &[Range<u32>]) -> u64 {
     let triangles: u64 = runs.iter().map(|run| run.len() as u64).sum();
     let corners = (3 * triangles).min(scene.positions.len() as u64);
     triangles.saturating_mul(bytes_of_triangle(scene)) + corners * THREE
+}
+
+/// Bytes of the arrays of an .obj file that was read, those of vertices that no triangle has among them.
+pub(super) fn bytes_of_file(scene: &Scene) -> u64 {
+    let threes = scene.positions.len() + scene.normals.len();
+    let triangles = scene.indices.len() as u64;
+    let arrays = threes as u64 * THREE + scene.texcoords.len() as u64 * TWO;
+    let numbers = scene.normal_indices.len() + scene.texcoord_indices.len();
+    arrays + numbers as u64 * THREE + triangles * (THREE + size_of::<u32>() as u64)
 }

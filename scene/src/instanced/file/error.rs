@@ -88,10 +88,10 @@ pub enum SceneFileProblem {
         /// The most that are allowed.
         most: usize,
     },
-    /// Parts that are named again, opacity masks and baked instances take more memory than is allowed: see
+    /// Parts that are named again, .obj files after the first, opacity masks and baked instances take more memory than is allowed: see
     /// [`SceneOptions::memory_limit`](crate::SceneOptions::memory_limit).
     #[error(
-        "repeated parts, opacity masks and baked instances up to here take {needed} bytes, more than the limit of {limit}"
+        "repeated parts, further .obj files, opacity masks and baked instances up to here take {needed} bytes, more than the limit of {limit}"
     )]
     Memory {
         /// Bytes of all up to here.

@@ -1,6 +1,6 @@
 //! The geometries of a scene file: arrays in it, and .obj files beside it.
 
-use super::budget::{Budget, bytes_of_copy};
+use super::budget::{Budget, bytes_of_copy, bytes_of_file};
 use super::format::{self, File};
 use super::locate::Step;
 use super::{At, MAX_INSTANCES, SceneFileProblem, material};
@@ -124,7 +124,13 @@ impl<'a> Geometries<'a> {
                             taken: 0,
                         })
                     };
+                    let before = files.loaded.len();
                     let file = files.number(folder, path, read)?;
+                    // All stay until the last is read. Links and copies of one file are further files too.
+                    if before > 0 && files.loaded.len() > before {
+                        let held = bytes_of_file(&files.loaded[file].scene);
+                        budget.take(held).map_err(|problem| (at(index, "obj"), problem))?;
+                    }
                     let part = (file, group, object, named);
                     if let Some(number) = known.get(&part) {
                         *number

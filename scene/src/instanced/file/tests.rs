@@ -587,3 +587,31 @@ fn what_cannot_be_baked_is_named_with_its_place() {
     let text = text.replacen("\"material\": \"red\", \"scale\"", "\"scale\"", 1);
     assert!(read_in(&folder, &text).is_ok());
 }
+
+#[test]
+fn links_and_copies_of_an_obj_file_are_within_the_limit() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = |name: &str| folder.path().join(name);
+    // One triangle and vertices that it does not have: no part of it is large.
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\n".repeat(1000) + "f 1 2 3\n";
+    std::fs::write(place("0.obj"), &text).unwrap();
+    std::fs::hard_link(place("0.obj"), place("1.obj")).unwrap();
+    std::fs::copy(place("0.obj"), place("2.obj")).unwrap();
+    let own = |n: u32| format!(r#"{{"name":"{n}","obj":"{n}.obj"}}"#);
+    let lines = [own(0), own(1), own(2)].join(",\n");
+    let file = format!(
+        "{{\"format\":\"splitplane-scene\",\"version\":1,\"instances\":[{{\"geometry\":\"0\"}}],\"geometries\":[\n{lines}]}}"
+    );
+    let read = |limit| {
+        let options = SceneOptions { memory_limit: Some(limit), ..SceneOptions::default() };
+        parse(&file, &place("scene.json"), &options)
+    };
+    // 3,000 vertices of 12 bytes, one triangle of 16: the first file is what it is.
+    let one = 3000 * 12 + 16;
+    assert!(read(2 * one).is_ok());
+    for (limit, line, needed) in [(2 * one - 1, 4, 2 * one), (one - 1, 3, one)] {
+        let error = read(limit).unwrap_err();
+        assert_eq!(error.place, Some((line, 19)), "{error}");
+        assert_eq!(*error.problem, SceneFileProblem::Memory { needed, limit });
+    }
+}
