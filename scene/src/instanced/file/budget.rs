@@ -5,7 +5,8 @@ use crate::Scene;
 use std::ops::Range;
 
 /// Bytes that a file asks for by naming things again: a part of an .obj file once more, with another material or as another group; .obj files after the first, which may be links to one; opacity masks, which are
-/// finer than what they are made from; and baked instances. A small file may ask for more than a machine has. All are counted before they are taken.
+/// finer than what they are made from; and baked instances. A small file may ask for more than a machine has. All are counted before they are taken, but for
+/// further .obj files, whose size is known once they are read.
 pub(super) struct Budget {
     taken: u64,
     limit: u64,
