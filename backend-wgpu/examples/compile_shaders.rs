@@ -17,7 +17,7 @@ use std::time::Duration;
 
 use splitplane_shaders::{
     CHECKS, COMPRESS, KERNEL_RETRIES, KERNELS, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER,
-    RENDER_COMPRESSED, RENDER_RETRIES, RENDER_SETTLES, find, for_software, join,
+    RENDER_COMPRESSED, RENDER_RETRIES, RENDER_SETTLES, find, join,
 };
 use splitplane_wgpu::{Gpu, OpenOptions};
 
@@ -57,7 +57,7 @@ fn one(adapter: &str, shader: &str) -> Result<(), Box<dyn Error>> {
     };
     let gpu = Gpu::open(&options)?;
     let parts = Cow::Borrowed(shader.parts);
-    let source = join(&if gpu.is_software() { for_software(parts) } else { parts });
+    let source = join(&gpu.parts(parts));
     let before = taken().ok_or("this system does not say what a process takes")?;
     gpu.pipeline(shader.name, &source)?;
     let after = taken().ok_or("this system does not say what a process takes")?;

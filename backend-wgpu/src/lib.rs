@@ -26,7 +26,7 @@ pub use device::bounded::private_memory_of;
 pub use device::health::panic_is_caught;
 pub use error::{DriverLimit, GpuError, OpenError};
 pub use gpu::Gpu;
-pub use options::OpenOptions;
+pub use options::{OpenOptions, RayStack};
 pub use parity::Parity;
 pub use query::{
     DeviceQueryError, DeviceTree, Marked, Queries, SceneUniform, TreeParts, UNFINISHED,

@@ -9,6 +9,9 @@ const STACK_STEP: u32 = 1u;
 // Key and node.
 var<private> stack_entries: array<vec2<u32>, BOX_ENTRIES>;
 
+// An entry point calls it first. The memory of the invocation needs no lane.
+fn begin_stack(lane: u32) {}
+
 fn stack_start() -> u32 {
     return STACK_STEP;
 }

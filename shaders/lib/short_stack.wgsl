@@ -8,6 +8,9 @@ const STACK_STEP: u32 = 1u;
 
 var<private> stack: array<StackEntry, SHORT_ENTRIES>;
 
+// An entry point calls it first. The memory of the invocation needs no lane.
+fn begin_stack(lane: u32) {}
+
 fn stack_start() -> u32 {
     return STACK_STEP;
 }

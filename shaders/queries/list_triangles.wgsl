@@ -10,6 +10,7 @@ fn main(
     @builtin(num_workgroups) workgroups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
+    begin_stack(local);
     let index = ray_index(workgroup, workgroups, local);
     if index >= batch.count {
         return;

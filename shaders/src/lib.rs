@@ -6,14 +6,15 @@
 extern crate alloc;
 
 mod continued;
+mod device;
 mod embed;
 mod embed_scene;
 mod query;
 mod render;
-mod software;
 mod table;
 
 pub use continued::{continue_lists, parts_by_halves};
+pub use device::{for_software, with_workgroup_stacks};
 pub use embed::{
     TRAVERSAL_BINDING_COUNT, TriangleTest, filtered_traversal, traversal, traversal_bindings,
 };
@@ -22,7 +23,6 @@ pub use query::query;
 pub use render::{
     RenderFeatures, has_tail, render_compressed, render_parts, render_retry, render_settle,
 };
-pub use software::for_software;
 pub use table::{
     CHECKS, COMPRESS, KERNEL_RETRIES, KERNELS, LIBRARY, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER,
     RENDER_COMPRESSED, RENDER_RETRIES, RENDER_SETTLES,

@@ -95,6 +95,7 @@ library! {
     THROUGH_GLASS_EXACTLY "through_glass_exactly"
     PRIVATE_STACK "private_stack"
     SHORT_STACK "short_stack"
+    SHORT_STACK_WORKGROUP "short_stack_workgroup"
     QUERY "query"
     LIST "list"
     COUNT_LIST "count_list"
@@ -106,6 +107,7 @@ library! {
     COMPRESSED_BINDINGS "compressed_bindings"
     COMPRESSED_WALK "compressed_walk"
     BOX_STACK "box_stack"
+    BOX_STACK_WORKGROUP "box_stack_workgroup"
     SCENE_BINDINGS "scene_bindings"
     SCENE_QUERY "scene_query"
     SEEN "seen"
@@ -313,6 +315,10 @@ pub(crate) const SUBSTITUTES: Substitutes = Substitutes {
 
 /// The part that replaces another where there are as many invocations as entries of a list.
 pub(crate) const ONE_EACH: [(Part, Part); 1] = [(STRIDED, ONE_ENTRY)];
+
+/// The parts that replace others where the stacks of rays are in the memory of the workgroup.
+pub(crate) const WORKGROUP_STACKS: [(Part, Part); 2] =
+    [(SHORT_STACK, SHORT_STACK_WORKGROUP), (BOX_STACK, BOX_STACK_WORKGROUP)];
 
 /// The part that replaces another in the kernels of the tree builder where lists go on in second bindings.
 pub(crate) const BY_HALVES: [(Part, Part); 1] = [(CHILDREN, CHILDREN_BY_HALVES)];

@@ -219,6 +219,7 @@ fn device_options(options: &OpenOptions) -> splitplane_wgpu::OpenOptions {
         timeout: options.timeout,
         driver_time: options.driver_time,
         driver_memory: options.driver_memory,
+        ray_stack: None,
     }
 }
 

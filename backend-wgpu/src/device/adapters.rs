@@ -321,7 +321,7 @@ impl Adapter {
         let opened = opened
             .ok_or_else(|| self.exceeds("opening a device".into(), DriverLimit::Time(limit)))?;
         let (device, queue) = opened.map_err(|error| self.refuse(&error.to_string()))?;
-        Ok(Gpu::own(device, queue, options).named(&self.info.name))
+        Ok(Gpu::own(device, queue, options).named(&self.info.name, options))
     }
 
     fn check(&self) -> Result<(), OpenError> {

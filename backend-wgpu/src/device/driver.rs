@@ -3,10 +3,12 @@
 use std::time::Duration;
 
 use super::bounded::Bounds;
-use crate::options::OpenOptions;
+use crate::options::{OpenOptions, RayStack};
 
 /// The PCI numbers of vendors of GPUs: NVIDIA, AMD, Intel, Apple, Qualcomm, ARM.
-const VENDORS: [u32; 6] = [0x10de, 0x1002, 0x8086, 0x106b, 0x5143, 0x13b5];
+const VENDORS: [u32; 6] = [0x10de, AMD, 0x8086, 0x106b, 0x5143, 0x13b5];
+
+const AMD: u32 = 0x1002;
 
 /// By how much memory may grow while a driver compiles.
 const MEMORY: u64 = 2 << 30;
@@ -40,6 +42,17 @@ pub(super) fn default_time(info: &wgpu::AdapterInfo) -> Duration {
     }
 }
 
+/// Where rays keep their stacks on this adapter, unless the caller says so.
+pub(super) fn ray_stack(info: &wgpu::AdapterInfo) -> RayStack {
+    // Metal and browsers give no numbers of vendors.
+    let name = info.name.to_lowercase();
+    let of_amd = info.vendor == AMD || name.split(' ').any(|word| word == "amd");
+    match of_amd && info.device_type != wgpu::DeviceType::Cpu {
+        true => RayStack::Workgroup,
+        false => RayStack::Private,
+    }
+}
+
 /// How long to wait for a device of this type.
 pub(super) fn default_timeout(device_type: wgpu::DeviceType) -> Duration {
     match device_type {
@@ -51,6 +64,22 @@ pub(super) fn default_timeout(device_type: wgpu::DeviceType) -> Duration {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn rays_keep_their_stacks_where_the_vendors_compilers_do_best() {
+        let stack = |device_type, vendor, name: &str, backend| {
+            let info = wgpu::AdapterInfo::new(device_type, backend);
+            ray_stack(&wgpu::AdapterInfo { vendor, name: name.into(), ..info })
+        };
+        use wgpu::Backend::{BrowserWebGpu, Metal, Vulkan};
+        use wgpu::DeviceType::{Cpu, DiscreteGpu, IntegratedGpu, Other};
+        assert_eq!(stack(DiscreteGpu, AMD, "Radeon RX 6800", Vulkan), RayStack::Workgroup);
+        assert_eq!(stack(DiscreteGpu, 0, "AMD Radeon Pro 5500M", Metal), RayStack::Workgroup);
+        assert_eq!(stack(Other, 0, "amd rdna-2", BrowserWebGpu), RayStack::Workgroup);
+        assert_eq!(stack(DiscreteGpu, 0x10de, "NVIDIA H100", Vulkan), RayStack::Private);
+        assert_eq!(stack(IntegratedGpu, 0x8086, "Intel(R) Iris(R) Xe", Vulkan), RayStack::Private);
+        assert_eq!(stack(Cpu, 0x10005, "llvmpipe on an AMD EPYC", Vulkan), RayStack::Private);
+    }
 
     #[test]
     fn drivers_that_nobody_knows_are_not_trusted() {

@@ -1,8 +1,11 @@
 //! A device, its queue and its limits: opened headless, or borrowed from a host.
 
+use std::borrow::Cow;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::time::Duration;
+
+use splitplane_shaders::{Part, for_software, with_workgroup_stacks};
 
 use crate::device::bounded::Bounds;
 use crate::device::compiler::{Compiler, Opening};
@@ -15,7 +18,7 @@ use crate::device::patience::Patience;
 use crate::device::traffic::{Counted, Traffic};
 use crate::device::wait::{Bell, Wait, blocking};
 use crate::error::GpuError;
-use crate::options::OpenOptions;
+use crate::options::{OpenOptions, RayStack};
 
 /// Polling interval for a device.
 const POLL_PAUSE: Duration = Duration::from_micros(100);
@@ -32,6 +35,8 @@ pub struct Gpu {
     limits: wgpu::Limits,
     /// Whether it counts as software.
     software: bool,
+    /// Where rays keep their stacks.
+    ray_stack: RayStack,
     health: Arc<Health>,
     timeout: Duration,
     /// The driver's limits for pipelines, and the pipelines that exceeded them; shared by clones.
@@ -52,6 +57,7 @@ impl Gpu {
         let mut gpu = Gpu::borrow(device, queue);
         gpu.timeout = options.timeout.unwrap_or(gpu.timeout);
         gpu.compiler = Arc::new(Compiler::new(driver::bounds(options, &gpu.info)));
+        gpu.ray_stack = options.ray_stack.unwrap_or(gpu.ray_stack);
         gpu.health.watch(&gpu.device);
         gpu
     }
@@ -71,6 +77,7 @@ impl Gpu {
         let compiler = Arc::new(Compiler::new(driver::bounds(&OpenOptions::default(), &info)));
         let (health, last, traffic, deferred) = Default::default();
         let software = info.device_type == wgpu::DeviceType::Cpu;
+        let ray_stack = driver::ray_stack(&info);
         let planted_memory = Arc::new(AtomicU64::new(u64::MAX));
         Gpu {
             device,
@@ -78,6 +85,7 @@ impl Gpu {
             info,
             limits,
             software,
+            ray_stack,
             health,
             timeout,
             compiler,
@@ -90,14 +98,21 @@ impl Gpu {
 
     /// The same device under another name: browsers do not give it to wgpu.
     #[cfg(target_family = "wasm")]
-    pub(crate) fn named(mut self, name: &str) -> Gpu {
+    pub(crate) fn named(mut self, name: &str, options: &OpenOptions) -> Gpu {
         name.clone_into(&mut self.info.name);
+        self.ray_stack = options.ray_stack.unwrap_or_else(|| driver::ray_stack(&self.info));
         self
     }
 
     /// The same device with another time-out.
     pub fn with_timeout(self, timeout: Duration) -> Gpu {
         Gpu { timeout, ..self }
+    }
+
+    /// The same device with the stacks of rays elsewhere; see [`OpenOptions::ray_stack`]. For borrowed devices, before anything is
+    /// made of it.
+    pub fn with_ray_stack(self, ray_stack: RayStack) -> Gpu {
+        Gpu { ray_stack, ..self }
     }
 
     /// The same device with other limits on what its driver may take to compile; see
@@ -155,6 +170,21 @@ impl Gpu {
     /// Whether the adapter is software: it runs shaders on the CPU.
     pub fn is_software(&self) -> bool {
         self.software
+    }
+
+    /// Where rays keep their stacks.
+    pub fn ray_stack(&self) -> RayStack {
+        self.ray_stack
+    }
+
+    /// The parts of a shader as this device is given them.
+    #[doc(hidden)]
+    pub fn parts(&self, parts: Cow<'static, [Part]>) -> Cow<'static, [Part]> {
+        let parts = if self.software { for_software(parts) } else { parts };
+        match self.ray_stack {
+            RayStack::Private => parts,
+            RayStack::Workgroup => with_workgroup_stacks(parts),
+        }
     }
 
     /// The same device, given as many workgroups as hardware is: for tools that count what kernels do there.

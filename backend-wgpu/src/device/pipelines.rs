@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use splitplane_core::kernel::{KernelSet, Slot};
-use splitplane_shaders::{Part, for_software};
+use splitplane_shaders::Part;
 
 use super::bindings::layout;
 use super::kernel_set::{Bound, DeviceSet, Text};
@@ -172,7 +172,7 @@ impl Pipelines {
         variant: &K::Variant,
         which: Which,
     ) -> Result<Compiled, GpuError> {
-        let parts = if gpu.is_software() { for_software(parts) } else { parts };
+        let parts = gpu.parts(parts);
         let bound = K::bindings(kernel, variant);
         let bindings: Vec<u32> = bound.iter().map(|bound| bound.binding).collect();
         let same = |held: &&Held| held.is_of::<K>(kernel) && held.is_made_of(&parts, &bindings);
