@@ -165,10 +165,11 @@ impl Executor<TreeBuilder> for Threads<'_> {
             | Kernel::EmitMiddle => {}
             Kernel::SubtreeSizes => {
                 let (nodes, sizes) = (&b.top_nodes[..top], &b.small_sizes);
-                k::subtree_sizes(nodes, sizes, &mut b.top_sizes, &mut b.counters);
+                k::subtree_sizes(nodes, sizes, &mut b.top_sizes);
             }
             Kernel::PreorderAddresses => {
-                k::preorder_addresses(&b.top_nodes[..top], &b.top_sizes, &mut b.top_addresses);
+                let (sizes, addresses) = (&b.top_sizes, &mut b.top_addresses);
+                k::preorder_addresses(&b.top_nodes[..top], sizes, addresses, &mut b.counters);
             }
             Kernel::EmitTop => {
                 for node in 0..top {

@@ -181,8 +181,10 @@ fn planted_faults_are_named() {
         (K::EmitMiddle, "<< 2u) | node.kind", "<< 2u) | 0u"),
         (K::BuildSmall, "allocated.x + 2u <= SMALL_ROOT_NODES", "allocated.x < 3u"),
         (K::BuildSmall, "select(NOTHING, 0u, leaf_cost == whole)", "0u"),
-        (K::SubtreeSizes, "vec2<u32>(1u, 0u));\n        node", "vec2<u32>(2u, 0u));\n        node"),
-        (K::PreorderAddresses, "here.x + 1u", "here.x + 2u"),
+        (K::SubtreeSizes, "pair_word(index,", "pair_word(index / 2u,"),
+        (K::SubtreeSizes, "top_sizes[index] = vec2<u32>(0u)", "top_sizes[index] = vec2<u32>(1u)"),
+        (K::PreorderAddresses, "address.x += 1u", "address.x += 2u"),
+        (K::PreorderAddresses, "(node & 1u)", "1u"),
         (K::EmitTop, "<< 2u) | node.kind", "<< 2u) | 0u"),
         (
             K::EmitSmall,
@@ -350,6 +352,46 @@ fn memory_that_is_read_before_it_is_written_is_seen() {
             in_step(&backend, &scene.mesh(), &BuildConfig::default()).is_err()
         });
         assert!(seen, "{kernel:?}");
+    }
+}
+
+/// Sums over the top tree are made by invocations of which none waits for another: in step on deep trees and on such as have more
+/// nodes than a dispatch has invocations. Faults in how they are made, and in the counts of the tree, are seen.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn sizes_and_counts_of_the_top_tree() {
+    // Leaves of single triangles: without a middle stage the top tree has tens of thousands of nodes.
+    let balanced = BuildConfig { block_width: 1, ..Preset::Balanced.config() };
+    let balanced = balanced.with_stages(|stages| stages.small_node_limit = 4);
+    let many = scenes::soup(12_000, 0.03, 9);
+    let deep = scenes::octaves();
+    let backend = WgpuBackend::without_selftest(Gpu::clone(&common::gpu()));
+    for scene in [&many, &deep] {
+        for config in [balanced, BuildConfig::default()] {
+            check(&backend, scene, &config);
+        }
+    }
+    for (kernel, name, text, fault) in [
+        (Kernel::SubtreeSizes, "subtree_sizes", "(before & ARRIVED) == 0u", "false"),
+        (Kernel::SubtreeSizes, "subtree_sizes", "size.y, 1u, 0u", "size.y, 1u, 1u"),
+        (Kernel::SubtreeSizes, "subtree_sizes", "size + (before ^ ARRIVED)", "size"),
+        (Kernel::SubtreeSizes, "subtree_sizes", "size.x, 0u, 1u", "size.x, 0u, 0u"),
+        (Kernel::SubtreeSizes, "subtree_sizes", "var size = vec2<u32>(1u", "var size = vec2<u32>(2u"),
+        (Kernel::PreorderAddresses, "preorder_addresses", "[COUNTER_NODES] = size.x", "[COUNTER_NODES] = size.y"),
+        (
+            Kernel::PreorderAddresses,
+            "preorder_addresses",
+            "counters[COUNTER_LEAF_REFERENCES] = size.y;",
+            "",
+        ),
+    ] {
+        let source = splitplane_shaders::kernel_retry(name).expect("a retry").source();
+        let planted = source.replace(text, fault);
+        assert!(planted != source, "{text}: the text to change is gone");
+        let backend =
+            WgpuBackend::with_replaced_retry(Gpu::clone(&common::gpu()), kernel, planted);
+        let difference = in_step(&backend, &many.mesh(), &balanced).expect_err(text);
+        assert_eq!(difference.kernel, format!("{kernel:?}"), "{text}: {difference}");
     }
 }
 

@@ -19,8 +19,8 @@ fn main(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    begin_stack(lane);
     opaque_zero = frame.zero;
+    begin_stack(lane);
     let count = counters[COUNTER_SHADOW_RAYS];
     let options = QueryOptions(frame.culling, frame.ignore);
     let index = group.x * TRACED + lane;

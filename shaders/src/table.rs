@@ -149,6 +149,7 @@ library! {
     NO_REFRACTION "no_refraction"
     TONE "tone"
     EMIT_CHILDREN "emit_children"
+    TOP_TREE "top_tree"
     POINT_LAYOUT "point_layout"
     POINT_WALK "point_walk"
     POINT_LIST_ONE "point_list_one"
@@ -175,8 +176,8 @@ shaders! {
         "place_middle": LAYOUT KERNEL MIDDLE;
         "build_small": ARITHMETIC AABB LAYOUT KERNEL SPLIT SAH NODE SMALL_ROOT SMALL_NODE;
         "measure_middle": LAYOUT KERNEL;
-        "subtree_sizes": LAYOUT KERNEL;
-        "preorder_addresses": LAYOUT KERNEL;
+        "subtree_sizes": LAYOUT KERNEL TOP_TREE;
+        "preorder_addresses": LAYOUT KERNEL TOP_TREE;
         "emit_middle": LAYOUT KERNEL NODE MIDDLE;
         "emit_top": LAYOUT KERNEL NODE;
         "emit_small": LAYOUT KERNEL NODE SMALL_ROOT;
@@ -188,6 +189,8 @@ shaders! {
     /// kernels, with `_retry`.
     KERNEL_RETRIES "kernels" {
         "allocate_children_retry": ARITHMETIC AABB LAYOUT KERNEL EMIT_CHILDREN;
+        "subtree_sizes_retry": LAYOUT KERNEL TOP_TREE;
+        "preorder_addresses_retry": LAYOUT KERNEL TOP_TREE;
         "emit_small_retry": ARITHMETIC AABB LAYOUT KERNEL SPLIT SAH NODE SMALL_ROOT SMALL_NODE;
     }
 }

@@ -259,6 +259,8 @@ impl Capacities {
             Buffer::ChunkBins if self.binned => self.chunks,
             Buffer::ChunkBins => 0,
             Buffer::TopNodes | Buffer::TopSizes | Buffer::TopAddresses => self.top_nodes,
+            // One word for each pair of nodes; the root is of none.
+            Buffer::TopParents => self.top_nodes / 2 + 1,
             Buffer::LevelStarts => self.levels,
             Buffer::SmallRoots | Buffer::SmallSizes | Buffer::SmallAddresses => self.small_roots,
             Buffer::MiddleRoots | Buffer::MiddleSizes if self.middle => self.small_roots,
@@ -298,7 +300,7 @@ impl Capacities {
 
     /// The buffers that grow, each storage once; [`Buffer::ChunkBins`] only where planes are found by
     /// bins.
-    pub(crate) const BUFFERS: [Buffer; 26] = [
+    pub(crate) const BUFFERS: [Buffer; 27] = [
         Buffer::Triangles,
         Buffer::References,
         Buffer::NextReferences,
@@ -321,6 +323,7 @@ impl Capacities {
         Buffer::MiddleLeaves,
         Buffer::MiddleSizes,
         Buffer::SmallAddresses,
+        Buffer::TopParents,
         Buffer::TopSizes,
         Buffer::TopAddresses,
         Buffer::Nodes,

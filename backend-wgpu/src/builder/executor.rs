@@ -198,6 +198,7 @@ impl Job for Build<'_> {
                 let wanted = self.most(Counter::ActiveNodes).div_ceil(NODES_A_GROUP);
                 wanted.clamp(1, most_groups(self.software, wanted))
             }
+            Kernel::PreorderAddresses => 1,
             _ => piece.workgroups,
         }
     }

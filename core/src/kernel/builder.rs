@@ -76,6 +76,8 @@ kernel_set! {
         /// Subtrees that `build_small` keeps for `emit_small`, as many as the backend chooses and
         /// in a form of its own: not compared.
         Subtrees "subtrees", 4 * SUBTREE_WORDS as usize;
+        /// The parents of the top tree's nodes, in a form of a device's own: not compared.
+        TopParents "top_parents", 4;
         /// [`Extent`] of each top node's subtree.
         TopSizes "top_sizes", size_of::<Extent>(), live TopNodes;
         /// [`Extent`]: where each top node's subtree starts.
@@ -145,12 +147,11 @@ kernel_set! {
         MeasureMiddle "measure_middle", Each(MiddleRoots) =>
             reads MiddleRoots, reads SmallSizes, writes MiddleSizes;
         /// Sizes of the subtrees of the top tree, bottom up.
-        SubtreeSizes "subtree_sizes", One =>
-            updates Counters,
-            reads TopNodes, reads LevelStarts, reads SmallSizes, reads MiddleSizes, writes TopSizes;
-        /// Preorder addresses of the top tree, top down.
-        PreorderAddresses "preorder_addresses", One =>
-            reads TopNodes, reads LevelStarts, reads TopSizes, writes TopAddresses;
+        SubtreeSizes "subtree_sizes", Invocations(TopNodes, 256) =>
+            reads TopNodes, reads SmallSizes, reads MiddleSizes, writes TopParents, writes TopSizes;
+        /// Preorder addresses of the top tree; counts the nodes and references of the whole tree.
+        PreorderAddresses "preorder_addresses", Invocations(TopNodes, 256) =>
+            updates Counters, reads TopParents, reads TopSizes, writes TopAddresses;
         /// Writes the nodes of the middle roots' trees, and the addresses of the small roots below.
         EmitMiddle "emit_middle", Each(MiddleRoots) =>
             reads MiddleRoots, reads MiddleNodes, reads SmallSizes, reads TopAddresses,

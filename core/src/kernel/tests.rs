@@ -63,9 +63,8 @@ fn slots_follow_from_the_table() {
     ]));
     assert!(TreeBuilder::slots(Kernel::PreorderAddresses).eq([
         parameters,
-        storage(Buffer::Counters, Read),
-        storage(Buffer::TopNodes, Read),
-        storage(Buffer::LevelStarts, Read),
+        storage(Buffer::Counters, ReadWrite),
+        storage(Buffer::TopParents, Read),
         storage(Buffer::TopSizes, Read),
         storage(Buffer::TopAddresses, Write),
     ]));
@@ -92,7 +91,7 @@ fn counters_are_written_by_those_that_say_so() {
             Kernel::ScanTriangles
                 | Kernel::AllocateChildren
                 | Kernel::ScanMiddle
-                | Kernel::SubtreeSizes
+                | Kernel::PreorderAddresses
         );
         assert_eq!(counters, expected, "{kernel:?}");
     }

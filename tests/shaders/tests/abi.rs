@@ -124,6 +124,19 @@ fn the_queries_agree_with_their_table() {
     assert_agrees::<RayQueries>();
 }
 
+/// Shaders whose rays keep their stacks in the memory of the workgroup keep to the limits of it too.
+#[test]
+fn the_other_stack_keeps_to_the_limits() {
+    let mut checked = 0;
+    for shader in QUERIES.iter().chain(RENDER).chain(RENDER_COMPRESSED) {
+        if let Some(texts) = source::workgroup_stacks(shader) {
+            assert_eq!(bindings::limit_faults(&parse(texts)), [""; 0], "{}", shader.name);
+            checked += 1;
+        }
+    }
+    assert_eq!(checked, 18);
+}
+
 /// Texts whose lists go on in second bindings are valid, and keep to the limits. What is bound to them, a test of
 /// `splitplane_wgpu` compares.
 #[test]

@@ -133,6 +133,20 @@ fn every_shader_keeps_the_rules() {
     }
 }
 
+/// What stands in where rays keep their stacks in the memory of the workgroup keeps them too.
+#[test]
+fn every_shader_with_the_other_stack_keeps_the_rules() {
+    let mut linted_so = 0;
+    for (shader, free) in linted() {
+        if let Some(texts) = source::workgroup_stacks(shader) {
+            assert_clean(shader.name, &lint(texts, free));
+            linted_so += 1;
+        }
+    }
+    // All lean kernels but those of accuracy `fast`.
+    assert_eq!(linted_so, 16);
+}
+
 /// What stands in for what a scene does not need keeps them too.
 #[test]
 fn every_choice_of_features_keeps_the_rules() {

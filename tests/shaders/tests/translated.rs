@@ -195,12 +195,16 @@ fn translated(parts: Vec<Text>) -> [(Language, String); 2] {
 fn every_shader_keeps_its_barrier_in_every_language() {
     let folder = std::env::var_os("SPLITPLANE_TRANSLATED");
     let mut guarded = 0;
-    for shader in shaders() {
-        let parsed = Parsed::new(texts(shader)).unwrap_or_else(|error| panic!("{error}"));
+    let whole = shaders().map(|shader| (shader.name.to_owned(), texts(shader)));
+    let other_stack = shaders().filter_map(|shader| {
+        Some((format!("{}.workgroup", shader.name), source::workgroup_stacks(shader)?))
+    });
+    for (name, texts) in whole.chain(other_stack) {
+        let parsed = Parsed::new(texts).unwrap_or_else(|error| panic!("{error}"));
         let spirv = to_spirv(&parsed);
         let made = [(Language::Hlsl, to_hlsl(&parsed)), (Language::Metal, to_metal(&parsed))];
         if let Some(folder) = &folder {
-            let path = |ending: &str| Path::new(folder).join(format!("{}.{ending}", shader.name));
+            let path = |ending: &str| Path::new(folder).join(format!("{name}.{ending}"));
             let words: Vec<u8> = spirv.iter().flat_map(|word| word.to_le_bytes()).collect();
             std::fs::write(path("spv"), words).expect("the folder can be written to");
             for (language, text) in &made {
@@ -210,7 +214,7 @@ fn every_shader_keeps_its_barrier_in_every_language() {
         }
         for (language, text) in made {
             let faults = faults(&text, language);
-            assert!(faults.is_empty(), "{}, {language:?}: {faults:#?}", shader.name);
+            assert!(faults.is_empty(), "{name}, {language:?}: {faults:#?}");
             guarded += usize::from(body(&text, "guard").is_some());
         }
     }

@@ -134,7 +134,7 @@ pub const FAULTS: &[(Kernel, &str, Fault)] = &[
     (Kernel::BuildSmall, "forgets a reference", |b| {
         last(&mut b.small_sizes, b.counters, Counter::SmallRoots).references -= 1;
     }),
-    (Kernel::SubtreeSizes, "counts the root twice", |b| b.counters[Counter::Nodes] += 1),
+    (Kernel::SubtreeSizes, "counts the root twice", |b| b.top_sizes[0].nodes += 1),
     (Kernel::PreorderAddresses, "leaves a gap before a subtree", |b| {
         last(&mut b.top_addresses, b.counters, Counter::TopNodes).nodes += 1;
     }),

@@ -301,7 +301,6 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                     &b.top_nodes[..top],
                     if middle > 0 { &b.middle_sizes[..middle] } else { &b.small_sizes[..small] },
                     &mut b.top_sizes[..top],
-                    &mut b.counters,
                 );
             }
             Kernel::PreorderAddresses => {
@@ -310,6 +309,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                     &b.top_nodes[..top],
                     &b.top_sizes[..top],
                     &mut b.top_addresses[..top],
+                    &mut b.counters,
                 );
             }
             Kernel::EmitMiddle => {

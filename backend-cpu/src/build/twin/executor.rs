@@ -145,6 +145,7 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
         match buffer {
             Buffer::Input
             | Buffer::Subtrees
+            | Buffer::TopParents
             | Buffer::ChunkState
             | Buffer::MiddleReferences
             | Buffer::MiddleNodes

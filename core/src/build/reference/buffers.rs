@@ -218,9 +218,11 @@ impl Buffers {
 
     fn list(&mut self, buffer: Buffer) -> Option<&mut dyn List> {
         Some(match buffer {
-            Buffer::Input | Buffer::Subtrees | Buffer::ChunkState | Buffer::Counters => {
-                return None;
-            }
+            Buffer::Input
+            | Buffer::Subtrees
+            | Buffer::TopParents
+            | Buffer::ChunkState
+            | Buffer::Counters => return None,
             Buffer::Triangles => &mut self.triangles,
             Buffer::References => &mut self.references,
             Buffer::NextReferences => &mut self.next_references,

@@ -384,10 +384,10 @@ impl<A: Arithmetic> Executor<TreeBuilder> for ReferenceExecutor<'_, A> {
                 &b.top_nodes[..top],
                 if middle > 0 { &b.middle_sizes } else { &b.small_sizes },
                 &mut b.top_sizes,
-                &mut b.counters,
             ),
             Kernel::PreorderAddresses => {
-                k::preorder_addresses(&b.top_nodes[..top], &b.top_sizes, &mut b.top_addresses);
+                let (sizes, addresses) = (&b.top_sizes, &mut b.top_addresses);
+                k::preorder_addresses(&b.top_nodes[..top], sizes, addresses, &mut b.counters);
             }
             Kernel::EmitMiddle => {
                 for root in 0..middle {

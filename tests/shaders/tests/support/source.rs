@@ -1,8 +1,10 @@
 //! A shader parsed and validated by naga, and the place of every span in the files it came from.
 
+use std::borrow::Cow;
+
 use naga::Span;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
-use splitplane_shaders::{Part, Shader};
+use splitplane_shaders::{Part, Shader, with_workgroup_stacks};
 
 /// A file of a shader; like [`Part`], but owned, so that tests can change it.
 #[derive(Clone, Debug)]
@@ -22,6 +24,14 @@ impl From<&Part> for Text {
 /// The files of a shader, in the order they are joined.
 pub(crate) fn texts(shader: &Shader) -> Vec<Text> {
     shader.parts.iter().map(Text::from).collect()
+}
+
+/// The files of a shader whose rays keep their stacks in the memory of the workgroup; `None` where that changes nothing.
+pub(crate) fn workgroup_stacks(shader: &Shader) -> Option<Vec<Text>> {
+    match with_workgroup_stacks(Cow::Borrowed(shader.parts)) {
+        Cow::Borrowed(_) => None,
+        Cow::Owned(parts) => Some(parts.iter().map(Text::from).collect()),
+    }
 }
 
 /// A line of a file.

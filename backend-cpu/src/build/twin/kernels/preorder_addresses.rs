@@ -1,12 +1,20 @@
-//! `preorder_addresses`: one workgroup, level by level from the root.
+//! `preorder_addresses`: one invocation a top node on devices, here from the root on.
 //!
 //! Reads: the top tree and the sizes of its subtrees. Writes: where each subtree starts in the
-//! output: a left subtree just after its parent, a right one after the left one.
+//! output: a left subtree just after its parent, a right one after the left one; the number of nodes and references of the tree.
 
-use splitplane_core::layout::{Extent, TopNode};
+use splitplane_core::kernel::Counter;
+use splitplane_core::layout::{Counters, Extent, TopNode};
 
 /// Runs the kernel.
-pub(crate) fn run(top: &[TopNode], sizes: &[Extent], addresses: &mut [Extent]) {
+pub(crate) fn run(
+    top: &[TopNode],
+    sizes: &[Extent],
+    addresses: &mut [Extent],
+    counters: &mut Counters,
+) {
+    counters[Counter::Nodes] = sizes[0].nodes;
+    counters[Counter::LeafReferences] = sizes[0].references;
     addresses[0] = Extent::default();
     for index in 0..top.len() {
         let node = &top[index];

@@ -1,18 +1,12 @@
-//! `subtree_sizes`: one workgroup, level by level from the deepest.
+//! `subtree_sizes`: one invocation a top node on devices, here from the last node to the first.
 //!
 //! Reads: the top tree, sizes of the small roots. Writes: nodes and references of every top node's
 //! subtree. Children have higher numbers than their parents.
 
-use splitplane_core::kernel::Counter;
-use splitplane_core::layout::{Counters, Extent, TopNode};
+use splitplane_core::layout::{Extent, TopNode};
 
 /// Runs the kernel. Sums wrap; the executor checks the root's against 64-bit sums before.
-pub(crate) fn run(
-    top: &[TopNode],
-    small_sizes: &[Extent],
-    sizes: &mut [Extent],
-    counters: &mut Counters,
-) {
+pub(crate) fn run(top: &[TopNode], small_sizes: &[Extent], sizes: &mut [Extent]) {
     for index in (0..top.len()).rev() {
         let node = &top[index];
         sizes[index] = match node.kind {
@@ -27,6 +21,4 @@ pub(crate) fn run(
             }
         };
     }
-    counters[Counter::Nodes] = sizes[0].nodes;
-    counters[Counter::LeafReferences] = sizes[0].references;
 }

@@ -1,12 +1,16 @@
-use crate::layout::{Extent, TopNode};
+use crate::kernel::Counter;
+use crate::layout::{Counters, Extent, TopNode};
 
 /// Where every subtree of the top tree begins in the output: the left one just after its parent,
-/// the right one after the left one.
+/// the right one after the left one. Counts the nodes and references of the tree.
 pub fn preorder_addresses(
     top_nodes: &[TopNode],
     top_sizes: &[Extent],
     top_addresses: &mut [Extent],
+    counters: &mut Counters,
 ) {
+    counters[Counter::Nodes] = top_sizes[0].nodes;
+    counters[Counter::LeafReferences] = top_sizes[0].references;
     top_addresses[0] = Extent::default();
     for (index, node) in top_nodes.iter().enumerate() {
         if node.kind == TopNode::SMALL_ROOT || node.kind == TopNode::EMPTY {
@@ -27,8 +31,6 @@ pub fn preorder_addresses(
 mod tests {
     use super::super::subtree_sizes;
     use super::*;
-    use crate::kernel::Counter;
-    use crate::layout::Counters;
 
     /// A root with an empty left child, and two small roots below its right one.
     #[test]
@@ -45,10 +47,10 @@ mod tests {
         let small = [extent(3, 20), extent(5, 40)];
         let (mut sizes, mut addresses) = ([extent(0, 0); 5], [extent(9, 9); 5]);
         let mut counters = Counters::default();
-        subtree_sizes(&top, &small, &mut sizes, &mut counters);
+        subtree_sizes(&top, &small, &mut sizes);
         assert_eq!(sizes, [(11, 60), (1, 0), (9, 60), (5, 40), (3, 20)].map(|(n, r)| extent(n, r)));
+        preorder_addresses(&top, &sizes, &mut addresses, &mut counters);
         assert_eq!((counters[Counter::Nodes], counters[Counter::LeafReferences]), (11, 60));
-        preorder_addresses(&top, &sizes, &mut addresses);
         let expected = [(0, 0), (1, 0), (2, 0), (3, 0), (8, 40)];
         assert_eq!(addresses, expected.map(|(n, r)| extent(n, r)));
     }

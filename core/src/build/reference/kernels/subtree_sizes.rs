@@ -1,18 +1,12 @@
-use crate::kernel::Counter;
-use crate::layout::{Counters, Extent, TopNode};
+use crate::layout::{Extent, TopNode};
 
 /// The nodes and references of every subtree of the top tree, from the last node to the first:
-/// children come after their parents. Counts those of the tree.
+/// children come after their parents.
 ///
 /// `leaf_sizes` are those of what the levels have handed over: of the middle roots, or of the small roots where there is no middle
 /// stage. Sums are of 32 bits. The executor must have made sure that the tree fits its format, as
 /// [`super::super::Buffers::make_room`] does.
-pub fn subtree_sizes(
-    top_nodes: &[TopNode],
-    leaf_sizes: &[Extent],
-    top_sizes: &mut [Extent],
-    counters: &mut Counters,
-) {
+pub fn subtree_sizes(top_nodes: &[TopNode], leaf_sizes: &[Extent], top_sizes: &mut [Extent]) {
     for (index, node) in top_nodes.iter().enumerate().rev() {
         top_sizes[index] = match node.kind {
             TopNode::EMPTY => Extent { nodes: 1, references: 0 },
@@ -26,8 +20,6 @@ pub fn subtree_sizes(
             }
         };
     }
-    counters[Counter::Nodes] = top_sizes[0].nodes;
-    counters[Counter::LeafReferences] = top_sizes[0].references;
 }
 
 #[cfg(test)]
@@ -48,10 +40,8 @@ mod tests {
         ];
         let small = [Extent { nodes: 99, references: 99 }, Extent { nodes: 5, references: 7 }];
         let mut sizes = [Extent { nodes: 1_000, references: 1_000 }; 5];
-        let mut counters = Counters::default();
-        subtree_sizes(&top_nodes, &small, &mut sizes, &mut counters);
+        subtree_sizes(&top_nodes, &small, &mut sizes);
         let expected = [(9, 7), (1, 0), (7, 7), (5, 7), (1, 0)];
         assert_eq!(sizes, expected.map(|(nodes, references)| Extent { nodes, references }));
-        assert_eq!((counters[Counter::Nodes], counters[Counter::LeafReferences]), (9, 7));
     }
 }
