@@ -183,8 +183,8 @@ fn planted_faults_are_named() {
         (K::BuildSmall, "select(NOTHING, 0u, leaf_cost == whole)", "0u"),
         (K::SubtreeSizes, "pair_word(index,", "pair_word(index / 2u,"),
         (K::SubtreeSizes, "top_sizes[index] = vec2<u32>(0u)", "top_sizes[index] = vec2<u32>(1u)"),
-        (K::PreorderAddresses, "address.x += 1u", "address.x += 2u"),
-        (K::PreorderAddresses, "(node & 1u)", "1u"),
+        (K::PreorderAddresses, "[COUNTER_NODES] = size.x", "[COUNTER_NODES] = size.y"),
+        (K::PreorderAddresses, "counters[COUNTER_LEAF_REFERENCES] = size.y;", ""),
         (K::EmitTop, "<< 2u) | node.kind", "<< 2u) | 0u"),
         (
             K::EmitSmall,
@@ -376,20 +376,19 @@ fn sizes_and_counts_of_the_top_tree() {
         (Kernel::SubtreeSizes, "subtree_sizes", "size.y, 1u, 0u", "size.y, 1u, 1u"),
         (Kernel::SubtreeSizes, "subtree_sizes", "size + (before ^ ARRIVED)", "size"),
         (Kernel::SubtreeSizes, "subtree_sizes", "size.x, 0u, 1u", "size.x, 0u, 0u"),
-        (Kernel::SubtreeSizes, "subtree_sizes", "var size = vec2<u32>(1u", "var size = vec2<u32>(2u"),
-        (Kernel::PreorderAddresses, "preorder_addresses", "[COUNTER_NODES] = size.x", "[COUNTER_NODES] = size.y"),
         (
-            Kernel::PreorderAddresses,
-            "preorder_addresses",
-            "counters[COUNTER_LEAF_REFERENCES] = size.y;",
-            "",
+            Kernel::SubtreeSizes,
+            "subtree_sizes",
+            "var size = vec2<u32>(1u",
+            "var size = vec2<u32>(2u",
         ),
+        (Kernel::PreorderAddresses, "preorder_addresses", "address.x += 1u", "address.x += 2u"),
+        (Kernel::PreorderAddresses, "preorder_addresses", "(node & 1u)", "1u"),
     ] {
         let source = splitplane_shaders::kernel_retry(name).expect("a retry").source();
         let planted = source.replace(text, fault);
         assert!(planted != source, "{text}: the text to change is gone");
-        let backend =
-            WgpuBackend::with_replaced_retry(Gpu::clone(&common::gpu()), kernel, planted);
+        let backend = WgpuBackend::with_replaced_retry(Gpu::clone(&common::gpu()), kernel, planted);
         let difference = in_step(&backend, &many.mesh(), &balanced).expect_err(text);
         assert_eq!(difference.kernel, format!("{kernel:?}"), "{text}: {difference}");
     }

@@ -151,16 +151,15 @@ fn all_hits_and_windings_are_the_cpus() {
         let rays = rays(scene, &case, 6, 100 * i as u64);
         let options = AllHitsOptions::default();
         let both: [&dyn Accelerator; 2] = [&case.cpu, &case.device];
-        let [expected, found] = both
-            .map(|one| one.all_hits(&rays, &options).expect("all hits"));
+        let [expected, found] = both.map(|one| one.all_hits(&rays, &options).expect("all hits"));
         assert_eq!(found.starts, expected.starts, "{}", case.name);
         assert_eq!(found.crossings, expected.crossings, "{}", case.name);
         let points: Vec<[f32; 3]> = rays.iter().map(|ray| ray.origin).collect();
         let points: Vec<[f32; 3]> =
             points.into_iter().filter(|point| point.iter().all(|x| x.is_finite())).collect();
         let both: [&dyn Accelerator; 2] = [&case.cpu, &case.device];
-        let [expected, found] = both
-            .map(|one| one.locate(&points, &LocateOptions::default()).expect("locations"));
+        let [expected, found] =
+            both.map(|one| one.locate(&points, &LocateOptions::default()).expect("locations"));
         assert_eq!(found.windings, expected.windings, "{}", case.name);
     }
 }
@@ -249,8 +248,16 @@ fn planted_faults_are_seen() {
     for (what, right, wrong) in [
         ("one stack for all", "    stack_lane = lane;", "    stack_lane = 0u;"),
         ("entries overlap", "STACK_STEP: u32 = 64u", "STACK_STEP: u32 = 4u"),
-        ("where it leaves is lost", "stack_leaves[place] = entry.leave;", "stack_leaves[place] = 0.0;"),
-        ("another node", "stack_nodes[place] = entry.node;", "stack_nodes[place] = entry.node & ~7u;"),
+        (
+            "where it leaves is lost",
+            "stack_leaves[place] = entry.leave;",
+            "stack_leaves[place] = 0.0;",
+        ),
+        (
+            "another node",
+            "stack_nodes[place] = entry.node;",
+            "stack_nodes[place] = entry.node & ~7u;",
+        ),
         ("deep stacks are not deferred", "entry < STACK_STEP + SHORT_SIZE", "true"),
     ] {
         let own = text("closest_hit");

@@ -17,10 +17,7 @@ pub fn with_workgroup_stacks(parts: Cow<'static, [Part]>) -> Cow<'static, [Part]
     replaced(parts, &WORKGROUP_STACKS)
 }
 
-fn replaced(
-    parts: Cow<'static, [Part]>,
-    replacements: &[(Part, Part)],
-) -> Cow<'static, [Part]> {
+fn replaced(parts: Cow<'static, [Part]>, replacements: &[(Part, Part)]) -> Cow<'static, [Part]> {
     let replacement = |part: &Part| {
         replacements.iter().find(|(old, _)| old == part).map_or(*part, |(_, new)| *new)
     };

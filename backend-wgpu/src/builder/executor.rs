@@ -20,6 +20,8 @@ use crate::device::{
 use crate::error::GpuError;
 use crate::query::Queries;
 
+/// Invocations of a workgroup of `preorder_addresses_retry`, each of which has a node.
+const TOP_NODES_A_GROUP: u32 = 256;
 /// Invocations of a workgroup of `allocate_children_retry`, each of which has a node.
 const NODES_A_GROUP: u32 = 64;
 
@@ -198,7 +200,10 @@ impl Job for Build<'_> {
                 let wanted = self.most(Counter::ActiveNodes).div_ceil(NODES_A_GROUP);
                 wanted.clamp(1, most_groups(self.software, wanted))
             }
-            Kernel::PreorderAddresses => 1,
+            Kernel::PreorderAddresses => {
+                let wanted = self.most(Counter::TopNodes).div_ceil(TOP_NODES_A_GROUP);
+                wanted.clamp(1, most_groups(self.software, wanted))
+            }
             _ => piece.workgroups,
         }
     }

@@ -149,8 +149,9 @@ kernel_set! {
         /// Sizes of the subtrees of the top tree, bottom up.
         SubtreeSizes "subtree_sizes", Invocations(TopNodes, 256) =>
             reads TopNodes, reads SmallSizes, reads MiddleSizes, writes TopParents, writes TopSizes;
-        /// Preorder addresses of the top tree; counts the nodes and references of the whole tree.
-        PreorderAddresses "preorder_addresses", Invocations(TopNodes, 256) =>
+        /// Counts the nodes and references of the whole tree, and gives the nodes of the top tree their preorder addresses: devices by a
+        /// second dispatch, of an invocation a node.
+        PreorderAddresses "preorder_addresses", One =>
             updates Counters, reads TopParents, reads TopSizes, writes TopAddresses;
         /// Writes the nodes of the middle roots' trees, and the addresses of the small roots below.
         EmitMiddle "emit_middle", Each(MiddleRoots) =>

@@ -23,15 +23,15 @@ use std::collections::BTreeSet;
 
 use splitplane_core::build::reference::kernels::is_of_middle_stage;
 use splitplane_core::kernel::{
-    Counter, DeviceChecks, Kernel, NearQueries, NodeCompressor, PointBuilder, PointQueries,
-    QueryKernel, RayQueries, TreeBuilder,
+    Counter, DeviceChecks, Kernel, KernelSet, NearQueries, NodeCompressor, PointBuilder,
+    PointQueries, QueryKernel, RayQueries, TreeBuilder,
 };
 use splitplane_core::layout::Counters;
 use splitplane_render::RayTracer;
 use splitplane_shaders::{
     CHECKS, COMPRESS, KERNEL_RETRIES, KERNELS, LIBRARY, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER,
     RENDER_COMPRESSED, RENDER_RETRIES, RENDER_SETTLES, Shader, TriangleTest, continue_lists, join,
-    parts_by_halves, query,
+    kernel_retry, parts_by_halves, query,
 };
 
 use constants::Number;
@@ -97,6 +97,23 @@ fn assert_agrees<S: Shaders>() {
 #[test]
 fn the_tree_builder_agrees_with_its_table() {
     assert_agrees::<TreeBuilder>();
+}
+
+/// A kernel and what finishes its work use all their buffers between them.
+#[test]
+fn kernels_and_what_finishes_them_use_all_their_buffers() {
+    let mut shared = 0;
+    for kernel in Kernel::ALL {
+        let Some(retry) = kernel_retry(kernel.name()) else { continue };
+        let bound: Vec<_> = TreeBuilder::slots(kernel).collect();
+        let [own, other] = [&KERNELS[kernel as usize], retry].map(|shader| {
+            bindings::use_faults::<TreeBuilder>(&parse(source::texts(shader)), &bound, true)
+        });
+        let both: Vec<_> = own.iter().filter(|fault| other.contains(fault)).collect();
+        assert_eq!(both, [""; 0], "{kernel:?}");
+        shared += usize::from(!own.is_empty());
+    }
+    assert!(shared >= 2, "{shared}");
 }
 
 #[test]

@@ -83,6 +83,8 @@ const DEVICE_ONLY: &[(&str, Only, &str)] = &[
     ("LEFTS", Only::Any, "a place within an array"),
     ("RIGHTS", Only::Any, "a place within an array"),
     ("SWEEP_SIDES", Only::Any, "a place within an array"),
+    ("MOST_SUMMED", word(u32::MAX >> 1), "sums of the CPU are checked beforehand"),
+    ("ARRIVED", word(1 << 31), "a mark within subtree_sizes_retry"),
     ("CHUNK_WORDS", word(4), "a size in words"),
     ("CHUNK_SPAN_SIDES", word(3), "a place within a record"),
     ("DECISION_WORDS", word(16), "a size in words"),

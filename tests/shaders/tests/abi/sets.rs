@@ -1,15 +1,15 @@
 //! Kernel sets with their shaders: what one test holds all of them to.
 
 use splitplane_core::kernel::{
-    Buffer, CheckBuffer, CompressBuffer, DeviceChecks, Grid, KernelSet, NearBuffer, NearQueries,
-    NodeCompressor, PointBuffer, PointBuilder, PointQueries, PointQueryBuffer, QueryBuffer,
-    RayQueries, Slot, TreeBuilder,
+    Access, Binding, Buffer, CheckBuffer, CompressBuffer, DeviceChecks, Grid, Kernel, KernelSet,
+    NearBuffer, NearQueries, NodeCompressor, PointBuffer, PointBuilder, PointQueries,
+    PointQueryBuffer, QueryBuffer, RayQueries, Slot, TreeBuilder,
 };
 use splitplane_render::RayTracer;
 use splitplane_render::kernel as render_kernel;
 use splitplane_shaders::{
     CHECKS, COMPRESS, KERNEL_RETRIES, KERNELS, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER,
-    RENDER_COMPRESSED, RENDER_RETRIES, RENDER_SETTLES, Shader,
+    RENDER_COMPRESSED, RENDER_RETRIES, RENDER_SETTLES, Shader, find, kernel_retry,
 };
 
 use crate::bindings;
@@ -82,6 +82,33 @@ impl Shaders for TreeBuilder {
     const SINGLES: &'static [Buffer] = &[Buffer::Counters];
     const BY_FOUR_WORDS: bool = false;
     const PADDED: &'static [Buffer] = &[Buffer::Triangles];
+
+    /// Those of what finishes a kernel's work too, over the same bindings.
+    fn texts() -> Vec<(Kernel, Vec<Text>)> {
+        let of_retry = |shader: &Shader| {
+            let own = find(shader.name.strip_suffix("_retry").expect("a retry")).expect("a kernel");
+            (kernel_of::<TreeBuilder>(own), texts(shader))
+        };
+        let own = KERNELS.iter().map(|shader| (kernel_of::<TreeBuilder>(shader), texts(shader)));
+        own.chain(KERNEL_RETRIES.iter().map(of_retry)).collect()
+    }
+
+    /// What finishes a kernel's work may read what that has scattered.
+    fn bound(kernel: Kernel, parts: &[Text]) -> Vec<Slot<TreeBuilder>> {
+        let is_retry = parts.last().is_some_and(|own| own.name.ends_with("_retry"));
+        let readable = |slot: Slot<TreeBuilder>| match slot {
+            Slot::Storage(Binding { buffer, access: Access::Scatter }) if is_retry => {
+                Slot::Storage(Binding { buffer, access: Access::ReadWrite })
+            }
+            slot => slot,
+        };
+        TreeBuilder::slots(kernel).map(readable).collect()
+    }
+
+    /// Where two texts share the work, another test holds them to their table together.
+    fn is_whole(kernel: Kernel, _parts: &[Text]) -> bool {
+        kernel_retry(kernel.name()).is_none()
+    }
 
     fn records() -> Vec<Record> {
         records::of_core()
