@@ -43,6 +43,11 @@ LEAN_PROMISED = {
 # Those that trace nothing but rays through the tree itself, and any hits through compressed nodes, keep to fewer.
 LEANEST = ["closest_hit", "any_hit", "closest_hits", "shadow_hits", "any_hit_compressed", "shadow_hits_compressed"]
 LEANEST_PROMISED = LEAN_PROMISED | {"aco.vgprs": 112, "cuda.registers": 64}
+# The same with the stack in the memory of the workgroup, as adapters of AMD are given them: NAME.workgroup.
+WORKGROUP = ".workgroup"
+WORKGROUP_PROMISED = {"aco.vgprs": 64, "aco.scratch": 0, "aco.instructions": 2850}
+# Through glass, and in instances, besides.
+WORKGROUP_MORE_PROMISED = WORKGROUP_PROMISED | {"aco.vgprs": 72}
 # Kernels of builds: of trees, of trees of points, of compressed nodes.
 BUILDS = sorted(path.stem for folder in ("kernels", "point_build", "compress")
                 for path in (ROOT / "shaders" / folder).glob("*.wgsl"))
@@ -62,6 +67,10 @@ GROWTH = {
 
 def promised(name):
     """Most of each number of a shader."""
+    lean, stack = name.removesuffix(WORKGROUP), name.endswith(WORKGROUP)
+    if stack and lean in LEAN + LEAN_IN_INSTANCES:
+        more = "through_glass" in lean or lean in LEAN_IN_INSTANCES
+        return PROMISED | (WORKGROUP_MORE_PROMISED if more else WORKGROUP_PROMISED)
     if name in BUILDS:
         return PROMISED | BUILDS_PROMISED
     if name in LEANEST:

@@ -4,8 +4,9 @@
 //! changed. So in both only the barrier protects a guarded operation: it must be there in the text, and nothing that
 //! fast math treats in a way of its own may be: functions of `fast::`, fused operations, questions about NaN.
 //!
-//! With `SPLITPLANE_TRANSLATED=FOLDER` in the environment the texts are left there, SPIR-V too, for compilers that are not
-//! part of the tests: `scripts/shader_compilers.sh`.
+//! With `SPLITPLANE_TRANSLATED=FOLDER` in the environment the texts are left there, and SPIR-V and WGSL too, for compilers that are
+//! not part of the tests: `scripts/shader_compilers.sh`. `NAME.workgroup` is a shader with the stacks of rays in the memory of the
+//! workgroup.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -200,6 +201,7 @@ fn every_shader_keeps_its_barrier_in_every_language() {
         Some((format!("{}.workgroup", shader.name), source::workgroup_stacks(shader)?))
     });
     for (name, texts) in whole.chain(other_stack) {
+        let source: String = texts.iter().map(|part| format!("{}\n", part.text)).collect();
         let parsed = Parsed::new(texts).unwrap_or_else(|error| panic!("{error}"));
         let spirv = to_spirv(&parsed);
         let made = [(Language::Hlsl, to_hlsl(&parsed)), (Language::Metal, to_metal(&parsed))];
@@ -207,6 +209,7 @@ fn every_shader_keeps_its_barrier_in_every_language() {
             let path = |ending: &str| Path::new(folder).join(format!("{name}.{ending}"));
             let words: Vec<u8> = spirv.iter().flat_map(|word| word.to_le_bytes()).collect();
             std::fs::write(path("spv"), words).expect("the folder can be written to");
+            std::fs::write(path("wgsl"), source).expect("the folder can be written to");
             for (language, text) in &made {
                 let ending = if *language == Language::Hlsl { "hlsl" } else { "metal" };
                 std::fs::write(path(ending), text).expect("the folder can be written to");
