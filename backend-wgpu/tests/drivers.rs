@@ -60,6 +60,40 @@ fn no_order_of_workgroups_shows() {
         seen += 1;
     }
     assert!(seen >= 8, "{seen}");
+    // What finishes their work: sums over the top tree are made by whoever comes second to a node.
+    let mut seen = Vec::new();
+    for shader in splitplane_shaders::KERNEL_RETRIES {
+        let Some(turned) = hostile::reordered(&shader.source()) else { continue };
+        let own = shader.name.strip_suffix("_retry").expect("a retry");
+        let row = TreeBuilder::KERNELS.iter().find(|row| row.name == own).expect("its kernel");
+        let gpu = Gpu::clone(&common::gpu());
+        let backend = WgpuBackend::with_replaced_retry(gpu, row.kernel, turned);
+        for config in [BuildConfig::default(), Preset::Balanced.config()] {
+            assert_eq!(difference(&backend, &scene, &config), None, "{}", shader.name);
+        }
+        seen.push(own);
+    }
+    assert_eq!(seen, ["subtree_sizes", "preorder_addresses", "emit_small"]);
+}
+
+/// A driver that ends a small root's loops before their end: the build says so, and there is no tree.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn what_a_driver_does_not_finish_is_told() {
+    let source = splitplane_shaders::find("build_small").expect("a kernel").source();
+    let measured = "size = build_subtree(root, lane);";
+    let cut = source.replace(
+        measured,
+        &format!("{measured} if index % 3u == 1u {{ size = vec2<u32>(NOTHING); }}"),
+    );
+    assert!(cut != source, "the text to change is gone");
+    let backend = backend(Kernel::BuildSmall, cut);
+    let scene = scenes::soup(3000, 0.05, 8);
+    for config in [BuildConfig::default(), Preset::Balanced.config()] {
+        let built = backend.build_on_device(&scene.mesh(), &config.into());
+        let error = built.err().expect("a build that was cut off");
+        assert!(format!("{error:?}").contains("Unfinished"), "{error:?}");
+    }
 }
 
 /// Drivers that do several of these things at once, where they do not contradict one another.

@@ -18,7 +18,7 @@ fn main(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let end = slice_end(live(COUNTER_TOP_NODES));
+    let end = slice_end(finished_top_nodes());
     for (var index = parameters.first + group.x * LANES + lane; index < end; index += groups.x * LANES) {
         let node = top_nodes[index];
         let address = top_addresses[index];

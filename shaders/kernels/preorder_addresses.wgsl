@@ -1,4 +1,4 @@
-// Counts the tree, now that the sizes of all subtrees are known. Addresses `preorder_addresses_retry` gives.
+// Counts the tree, now that the sizes of all subtrees are known. `preorder_addresses_retry` gives the addresses.
 // One workgroup, one invocation.
 // Reads: the size of the root's subtree.
 // Writes: the number of nodes and references of the tree, and whether there is room for them.

@@ -2,7 +2,7 @@
 // that are not plain, more triangles that take a closer look than set_aside.wgsl has room for, and stacks that are too deep are deferred
 // to a shader that walks the tree itself: the hits are the same.
 //
-// The stack stands in box_stack.wgsl; what is done with triangles in search.wgsl; whether a ray passes what it meets in
+// The stack stands in box_stack.wgsl or box_stack_workgroup.wgsl; what is done with triangles in search.wgsl; whether a ray passes what it meets in
 // one_hit.wgsl or through_glass.wgsl.
 
 // Where the walk is at no node.

@@ -65,6 +65,11 @@ fn middle_root_count() -> u32 {
     return select(0u, live(COUNTER_MIDDLE_ROOTS), active_node_count() == 0u);
 }
 
+// The nodes of the top tree. None while nodes are active, since these have yet to become nodes of it.
+fn finished_top_nodes() -> u32 {
+    return select(0u, live(COUNTER_TOP_NODES), active_node_count() == 0u);
+}
+
 // How many chunks a node of `count` references has.
 fn chunks_of(count: u32) -> u32 {
     return (count + CHUNK - 1u) / CHUNK;

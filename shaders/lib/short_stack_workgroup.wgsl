@@ -1,6 +1,6 @@
 // The short stack of a traversal in the memory of the workgroup, for kernels of 64 invocations. In place of short_stack.wgsl
-// for devices whose compilers keep arrays of an invocation in registers and choose among them: there it costs 56 of
-// them less and a third of the instructions. A ray that needs more entries is deferred.
+// for devices whose compilers keep arrays of an invocation in registers and choose among them by comparisons. A ray that needs more
+// entries is deferred.
 
 const SHORT_ENTRIES: u32 = 12u;
 // From one entry to the next: those of all invocations lie side by side, so that invocations do not get in one another's way.

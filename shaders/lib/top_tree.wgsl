@@ -3,11 +3,6 @@
 // No more nodes or references are counted than this, which no list has room for: a bit is left to say who has arrived.
 const MOST_SUMMED: u32 = 0x7fffffffu;
 
-// The nodes of the top tree. None while nodes are active, since these have yet to become nodes of it.
-fn finished_top_nodes() -> u32 {
-    return select(0u, live(COUNTER_TOP_NODES), active_node_count() == 0u);
-}
-
 // The pair that a node other than the root belongs to.
 fn pair_of(node: u32) -> u32 {
     return (node - 1u) >> 1u;

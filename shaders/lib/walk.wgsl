@@ -1,7 +1,7 @@
 // Twin of core/src/query/walk.rs: the walk of a ray down the tree, for closest and any hits. Tree, triangles and
 // scene are read from the bindings `nodes`, `leaf_references`, `triangles` and `scene`.
 //
-// The stack stands in private_stack.wgsl or short_stack.wgsl. Where it is short, or rays and triangles are those of the
+// The stack stands in private_stack.wgsl, short_stack.wgsl or short_stack_workgroup.wgsl. Where it is short, or rays and triangles are those of the
 // plain case, a ray may be deferred: the triangle of its hit is DEFERRED, and another shader must trace it. Or the walk is
 // complete but for a few triangles that are set aside: then it is UNSETTLED. What is set aside, and what another shader has, stands in
 // set_aside.wgsl, nothing_aside.wgsl or taken_up.wgsl.

@@ -46,7 +46,8 @@ pub(super) fn default_time(info: &wgpu::AdapterInfo) -> Duration {
 pub(super) fn ray_stack(info: &wgpu::AdapterInfo) -> RayStack {
     // Metal and browsers give no numbers of vendors.
     let name = info.name.to_lowercase();
-    let of_amd = info.vendor == AMD || name.split(' ').any(|word| word == "amd");
+    let of_amd =
+        info.vendor == AMD || name.split(' ').any(|word| word == "amd" || word == "radeon");
     match of_amd && info.device_type != wgpu::DeviceType::Cpu {
         true => RayStack::Workgroup,
         false => RayStack::Private,
@@ -76,6 +77,7 @@ mod tests {
         assert_eq!(stack(DiscreteGpu, AMD, "Radeon RX 6800", Vulkan), RayStack::Workgroup);
         assert_eq!(stack(DiscreteGpu, 0, "AMD Radeon Pro 5500M", Metal), RayStack::Workgroup);
         assert_eq!(stack(Other, 0, "amd rdna-2", BrowserWebGpu), RayStack::Workgroup);
+        assert_eq!(stack(DiscreteGpu, 0, "Radeon RX 580", Metal), RayStack::Workgroup);
         assert_eq!(stack(DiscreteGpu, 0x10de, "NVIDIA H100", Vulkan), RayStack::Private);
         assert_eq!(stack(IntegratedGpu, 0x8086, "Intel(R) Iris(R) Xe", Vulkan), RayStack::Private);
         assert_eq!(stack(Cpu, 0x10005, "llvmpipe on an AMD EPYC", Vulkan), RayStack::Private);

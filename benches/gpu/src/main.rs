@@ -98,6 +98,7 @@ fn open(options: &Options) -> Result<(WgpuBackend, f64), Failure> {
     let asked = OpenOptions {
         adapter: options.adapter.clone(),
         timeout: Some(PATIENCE),
+        ray_stack: options.ray_stack,
         ..OpenOptions::default()
     };
     let (opened, open_ms) =

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Parser;
+use splitplane::gpu::RayStack;
 use splitplane::{BuildConfig, Preset};
 
 /// Measures splitplane's builds and queries on a GPU beside the CPU's, and compares every bit.
@@ -29,6 +30,9 @@ pub(crate) struct Options {
     /// Trace batches of watertight rays through compressed nodes
     #[arg(long)]
     pub compressed: bool,
+    /// Where rays keep what they have yet to visit; by default what suits the adapter's vendor
+    #[arg(long, value_name = "private|workgroup", value_parser = ray_stack)]
+    pub ray_stack: Option<RayStack>,
     /// Repeats of every figure; medians are reported
     #[arg(long, default_value_t = 11, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub reps: u32,
@@ -62,6 +66,15 @@ pub(crate) struct Options {
     /// Devices to predict for, separated by commas: h200, h100, rtx-4070-ti, radeon-780m; by default the one at hand, or all
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub device: Vec<String>,
+}
+
+/// Where rays keep their stacks, by the name of WGSL's address space.
+fn ray_stack(name: &str) -> Result<RayStack, String> {
+    match name {
+        "private" => Ok(RayStack::Private),
+        "workgroup" => Ok(RayStack::Workgroup),
+        _ => Err("it is private or workgroup".to_owned()),
+    }
 }
 
 /// A preset that devices build, by its name.

@@ -4,6 +4,7 @@ use splitplane::core::build::schedule::{self, Executor};
 use splitplane::core::kernel::{Buffer, Counter as Count, Kernel, KernelSet, TreeBuilder};
 use splitplane::gpu::{Effort, GpuError, WgpuBackend, WgpuExecutor};
 use splitplane::{BuildError, BuildOptions, Mesh, Preset};
+use splitplane_shaders::Shader;
 
 use super::device::Counter;
 use super::rewrite;
@@ -64,15 +65,24 @@ pub(crate) fn count(
         if dispatches.is_empty() {
             continue;
         }
-        let source = splitplane_shaders::KERNELS[TreeBuilder::kernel_index(kernel)].source();
+        let text = working_text(kernel);
         kernels.push(Counted {
             kernel: kernel.name(),
-            lanes: rewrite::lanes(&source).unwrap_or(64),
+            text: text.name,
+            lanes: rewrite::lanes(&text.source()).unwrap_or(64),
             dispatches,
         });
     }
     let rebuild = rebuild(counter, mesh, preset)?;
     Ok(CountedBuild { triangles: mesh.len() as u64, kernels, rebuild })
+}
+
+/// The text that does a kernel's work. Its own only prepares or counts where another, which follows it, does the rest: what both do is
+/// counted together, and taken for the work of that.
+fn working_text(kernel: Kernel) -> &'static Shader {
+    let prepares = matches!(kernel, Kernel::SubtreeSizes | Kernel::PreorderAddresses);
+    let follows = splitplane_shaders::kernel_retry(kernel.name()).filter(|_| prepares);
+    follows.unwrap_or(&splitplane_shaders::KERNELS[TreeBuilder::kernel_index(kernel)])
 }
 
 /// What a build asks of the device when its buffers are there and its levels are known. Kernels do not count here.

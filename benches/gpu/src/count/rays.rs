@@ -100,7 +100,7 @@ pub(crate) fn count(
         let kernel = through.kernel();
         let shader = splitplane_shaders::find(kernel).ok_or("no such query")?;
         let lanes = rewrite::lanes(&shader.source())?;
-        let kernel = Counted { kernel, lanes, dispatches: vec![tally] };
+        let kernel = Counted { kernel, text: kernel, lanes, dispatches: vec![tally] };
         let [nodes, triangles] = visits(through, &host.view(), &corners, tree.scene_scale(), rays);
         counted.push(CountedRays { through, rays: count.into(), kernel, nodes, triangles });
     }

@@ -116,6 +116,8 @@ impl AddAssign for Tally {
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Counted {
     pub kernel: &'static str,
+    /// The shader that does its work.
+    pub text: &'static str,
     pub lanes: u32,
     pub dispatches: Vec<Tally>,
 }
@@ -138,7 +140,7 @@ mod tests {
         words[3] = 1;
         let one = Tally::of_words(&words);
         assert_eq!((one.rounds, one.barriers), (102 | 1 << 32, 110 | 111 << 32));
-        let kernel = Counted { kernel: "k", lanes: 64, dispatches: vec![one; 3] };
+        let kernel = Counted { kernel: "k", text: "k", lanes: 64, dispatches: vec![one; 3] };
         let all = kernel.all();
         assert_eq!((all.dispatches, all.longest_rounds, all.busy), (3, 3 * 112, 303));
         assert_eq!(all.rounds, 3 * one.rounds);

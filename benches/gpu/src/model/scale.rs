@@ -58,7 +58,8 @@ mod tests {
     use super::*;
 
     fn build(triangles: u64, dispatches: usize, one: Tally) -> CountedBuild {
-        let kernel = Counted { kernel: "k", lanes: 64, dispatches: vec![one; dispatches] };
+        let kernel =
+            Counted { kernel: "k", text: "k", lanes: 64, dispatches: vec![one; dispatches] };
         CountedBuild { triangles, kernels: vec![kernel], rebuild: Default::default() }
     }
 

@@ -1,6 +1,9 @@
 //! What offline compilers say of a kernel: from `docs/measurements/shaders.json`, as it was when this was built.
 
+use std::borrow::Cow;
+
 use serde_json::Value;
+use splitplane_shaders::with_workgroup_stacks;
 
 use super::devices::Compiler;
 use crate::count::rewrite;
@@ -31,8 +34,14 @@ pub(crate) fn find(kernel: &str, compiler: Compiler) -> Shader {
         Compiler::Cuda => ["cuda.instructions", "cuda.registers", "cuda.shared"],
         Compiler::Aco => ["aco.instructions", "aco.vgprs", "aco.lds"],
     };
-    let [instructions, registers, shared] = names.map(|name| all[kernel][name].as_f64());
-    let source = splitplane_shaders::find(kernel).map(|shader| shader.source());
+    // What adapters of AMD are given in place of what others are.
+    let workgroup = format!("{kernel}.workgroup");
+    let stack = compiler == Compiler::Aco && all.get(&workgroup).is_some();
+    let row = if stack { &all[&workgroup] } else { &all[kernel] };
+    let [instructions, registers, shared] = names.map(|name| row[name].as_f64());
+    let parts = splitplane_shaders::find(kernel).map(|shader| Cow::Borrowed(shader.parts));
+    let parts = parts.map(|parts| if stack { with_workgroup_stacks(parts) } else { parts });
+    let source = parts.map(|parts| splitplane_shaders::join(&parts));
     let operations = source.and_then(|source| rewrite::written(&source).ok());
     match (instructions, registers, shared, operations) {
         (Some(instructions), Some(registers), Some(shared), Some(operations)) => Shader {
@@ -53,7 +62,8 @@ mod tests {
     fn kernels_have_figures_and_others_are_told_apart() {
         let lean = find("closest_hit", Compiler::Cuda);
         assert!(lean.known && (0.2..5.0).contains(&lean.per_operation), "{lean:?}");
-        assert!(find("closest_hit", Compiler::Aco).known);
+        let of_amd = find("closest_hit", Compiler::Aco);
+        assert!(of_amd.known && of_amd.registers < 72.0 && of_amd.shared > 9000.0, "{of_amd:?}");
         assert_eq!(find("no such kernel", Compiler::Cuda), TYPICAL);
     }
 }

@@ -43,7 +43,7 @@ pub(crate) fn build(device: &Device, of: &CountedBuild, times: &[KernelTime]) ->
     };
     let mut recorded = 0;
     for kernel in &of.kernels {
-        let shader = shaders::find(kernel.kernel, device.compiler);
+        let shader = shaders::find(kernel.text, device.compiler);
         let time = times.iter().find(|time| time.kernel.name() == kernel.kernel);
         let tally = kernel.all();
         let mut predicted = predict::kernel(device, &shader, kernel);
@@ -85,7 +85,7 @@ pub(crate) fn rays(
     );
     let mut shown = String::new();
     for of in of {
-        let shader = shaders::find(of.kernel.kernel, device.compiler);
+        let shader = shaders::find(of.kernel.text, device.compiler);
         let tally = more(of, rays);
         let each = |count: u64| count as f64 / rays as f64;
         let lanes = of.kernel.lanes;
@@ -203,7 +203,12 @@ mod tests {
     fn predictions_stand_beside_measurements() {
         let one = Tally { dispatches: 1, busy: 1, read: 4_300_000, ..Tally::default() };
         let kernel = Kernel::ALL[0];
-        let counted = Counted { kernel: kernel.name(), lanes: 64, dispatches: vec![one; 10] };
+        let counted = Counted {
+            kernel: kernel.name(),
+            text: kernel.name(),
+            lanes: 64,
+            dispatches: vec![one; 10],
+        };
         let mut build_of =
             CountedBuild { triangles: 1, kernels: vec![counted], rebuild: Default::default() };
         build_of.rebuild.dispatches = 13;
