@@ -10,6 +10,7 @@ use splitplane::{
     Accelerator, Accuracy, Backend, BackendInfo, BuildError, BuildOptions, CpuBackend, KdTree,
     LoadOptions, LocateOptions, Mesh, QueryError, Ray, Volume,
 };
+use splitplane_test_support::built::bits;
 use splitplane_test_support::objects::{self, Kind};
 use splitplane_test_support::scenes;
 use std::ops::ControlFlow;
@@ -57,14 +58,6 @@ fn eager(scene: &Scene) -> Box<dyn SceneAccelerator> {
 
 fn lazy(scene: &Scene) -> LazyScene {
     LazyScene::new(Arc::new(CpuBackend::new()), scene, &BuildOptions::default()).unwrap()
-}
-
-fn bits(hits: &[SceneHit]) -> Vec<[u32; 6]> {
-    let words = |hit: &SceneHit| {
-        let SceneHit { t, u, v, triangle, geometry, instance } = *hit;
-        [t.to_bits(), u.to_bits(), v.to_bits(), triangle, geometry, instance]
-    };
-    hits.iter().map(words).collect()
 }
 
 /// Boxes in a row along -z, each a geometry of its own.

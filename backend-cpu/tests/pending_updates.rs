@@ -1,33 +1,24 @@
 //! Updates whose trees are built while the old scene answers.
 
 use core::ops::ControlFlow;
-use core::sync::atomic::AtomicUsize;
-use core::sync::atomic::Ordering::Relaxed;
 
 use splitplane_core::backend::scene::{FinishError, HostScene, PendingUpdate, SceneAccelerator};
-use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions};
-use splitplane_core::error::{BuildError, DeviceError};
+use splitplane_core::backend::{Backend, BuildOptions};
+use splitplane_core::error::BuildError;
 use splitplane_core::mesh::Mesh;
-use splitplane_core::ray::Ray;
-use splitplane_core::report::BackendInfo;
 use splitplane_core::scene::{
-    GeometryId, Instance, InstanceId, OpacityMask, Scene, SceneBuildError, SceneHit, SceneOptions,
-    translation,
+    GeometryId, Instance, InstanceId, OpacityMask, Scene, SceneBuildError, translation,
 };
-use splitplane_core::tree::KdTree;
 use splitplane_core::watch::Progress;
 use splitplane_cpu::CpuBackend;
+use splitplane_test_support::built::{CountingBackend, traced_bits};
 use splitplane_test_support::objects::{self, Kind};
 use splitplane_test_support::scenes;
 
-/// Hits by their bits, of batches and one by one.
-fn traced(accelerator: &dyn SceneAccelerator, rays: &[Ray]) -> Vec<[u32; 6]> {
-    let (mut hits, options) = (vec![SceneHit::MISS; rays.len()], SceneOptions::default());
-    accelerator.closest_hits(rays, &mut hits, &options).expect("hits");
-    for (ray, hit) in rays.iter().zip(&hits).step_by(7) {
-        assert_eq!(accelerator.closest_hit(ray, &options), hit.some());
-    }
-    hits.iter().map(|hit| bytemuck::cast(*hit)).collect()
+fn counting(fails_at: usize) -> CountingBackend<CpuBackend> {
+    let own = CountingBackend::new(CpuBackend::new());
+    own.fail_at(fails_at);
+    own
 }
 
 fn build(scene: &Scene) -> Box<dyn SceneAccelerator> {
@@ -44,59 +35,20 @@ fn edit(scene: &mut Scene, names: &[InstanceId], seed: u64) {
     scene.add_instance(Instance::new(geometries[1], translation([0.5, 0.0, 0.0]))).unwrap();
 }
 
-/// A CPU that counts builds, and fails at one of them.
-struct Counts {
-    cpu: CpuBackend,
-    builds: AtomicUsize,
-    fails_at: usize,
-}
-
-impl Counts {
-    fn new(fails_at: usize) -> Counts {
-        Counts { cpu: CpuBackend::new(), builds: AtomicUsize::new(0), fails_at }
-    }
-}
-
-impl Backend for Counts {
-    fn describe(&self) -> BackendInfo {
-        BackendInfo::new("counts")
-    }
-
-    fn build(
-        &self,
-        mesh: &Mesh<'_>,
-        options: &BuildOptions<'_>,
-    ) -> Result<Box<dyn Accelerator>, BuildError> {
-        if self.builds.fetch_add(1, Relaxed) == self.fails_at {
-            return Err(BuildError::Device(DeviceError::Failed("planted".into())));
-        }
-        self.cpu.build(mesh, options)
-    }
-
-    fn load(
-        &self,
-        mesh: &Mesh<'_>,
-        tree: KdTree,
-        options: &LoadOptions<'_>,
-    ) -> Result<Box<dyn Accelerator>, BuildError> {
-        self.cpu.load(mesh, tree, options)
-    }
-}
-
 #[test]
 fn the_old_scene_answers_until_the_new_one_is_in_place() {
     let options = BuildOptions::default();
     for by_host in [false, true] {
         let (mut scene, names) = objects::scene(Kind::Ordinary, 40, 5);
         let rays = objects::rays(&scene, 2000, 6);
-        let backend = Counts::new(usize::MAX);
+        let backend = counting(usize::MAX);
         let mut built = build(&scene);
         if by_host {
             let cpu = CpuBackend::new();
             let mut build = |mesh: &Mesh<'_>, options: &BuildOptions<'_>| cpu.build(mesh, options);
             built = Box::new(HostScene::build(&scene, &options, &mut build).unwrap());
         }
-        let (old, digest) = (traced(&*built, &rays), built.scene().digest());
+        let (old, digest) = (traced_bits(&*built, &rays), built.scene().digest());
         edit(&mut scene, &names, 9);
         let mut pending = PendingUpdate::begin(&backend, built.scene(), &scene).unwrap();
         assert_eq!((pending.left(), pending.bytes()), (2, 0));
@@ -106,22 +58,22 @@ fn the_old_scene_answers_until_the_new_one_is_in_place() {
         std::thread::scope(|scope| {
             let building = scope.spawn(|| pending.build(&backend, &options));
             while !building.is_finished() {
-                assert_eq!(traced(&*built, &rays), old);
+                assert_eq!(traced_bits(&*built, &rays), old);
             }
             building.join().unwrap().unwrap();
         });
-        assert_eq!(traced(&*built, &rays), old);
+        assert_eq!(traced_bits(&*built, &rays), old);
         assert_eq!((built.scene().digest(), pending.left()), (digest, 0));
         assert!(pending.bytes() > 0);
         // Instances may be edited meanwhile.
         scene.move_instance(names[6], translation([-1.0, 0.5, 0.25])).unwrap();
         let report = pending.finish(&backend, &mut built, &scene, &options).unwrap();
-        assert_eq!((report.geometries_built, backend.builds.load(Relaxed)), (2, 2));
+        assert_eq!((report.geometries_built, backend.builds()), (2, 2));
         let fresh = build(&scene);
         assert_eq!(built.scene().digest(), fresh.scene().digest());
         assert_ne!(built.scene().digest(), digest);
-        let new = traced(&*built, &rays);
-        assert_eq!(new, traced(&*fresh, &rays));
+        let new = traced_bits(&*built, &rays);
+        assert_eq!(new, traced_bits(&*fresh, &rays));
         assert_ne!(new, old);
         // What a scene knows of the triangles came with the trees.
         for ((_, one), (_, other)) in built.scene().geometries().zip(fresh.scene().geometries()) {
@@ -136,7 +88,7 @@ fn the_old_scene_answers_until_the_new_one_is_in_place() {
             )
             .unwrap();
         CpuBackend::new().update_scene(&mut *built, &scene, &options).unwrap();
-        assert_eq!(traced(&*built, &rays), traced(&*build(&scene), &rays));
+        assert_eq!(traced_bits(&*built, &rays), traced_bits(&*build(&scene), &rays));
     }
 }
 
@@ -145,16 +97,16 @@ fn failures_leave_the_old_scene_and_what_was_built() {
     let (mut scene, names) = objects::scene(Kind::Ordinary, 40, 5);
     let rays = objects::rays(&scene, 500, 6);
     let (mut built, options) = (build(&scene), BuildOptions::default());
-    let (old, digest) = (traced(&*built, &rays), built.scene().digest());
+    let (old, digest) = (traced_bits(&*built, &rays), built.scene().digest());
     edit(&mut scene, &names, 9);
     // Dropped.
-    let backend = Counts::new(1);
+    let backend = counting(1);
     let mut pending = PendingUpdate::begin(&backend, built.scene(), &scene).unwrap();
     assert!(pending.build_next(&backend, &options).unwrap());
     drop(pending);
-    assert_eq!((traced(&*built, &rays), built.scene().digest()), (old.clone(), digest));
+    assert_eq!((traced_bits(&*built, &rays), built.scene().digest()), (old.clone(), digest));
     // The second build fails; the first is not made again.
-    let backend = Counts::new(1);
+    let backend = counting(1);
     let mut pending = PendingUpdate::begin(&backend, built.scene(), &scene).unwrap();
     let error = pending.build(&backend, &options).unwrap_err();
     assert!(matches!(error, SceneBuildError::Geometry { geometry: 2, .. }), "{error}");
@@ -178,16 +130,16 @@ fn failures_leave_the_old_scene_and_what_was_built() {
     };
     assert!(needed > limit && told == limit, "{needed} {told} {limit}");
     pending.build(&backend, &options).unwrap();
-    assert_eq!(backend.builds.load(Relaxed), 4);
+    assert_eq!(backend.builds(), 4);
     // Refused and cancelled when it is put in place: trees are kept.
     for options in [limited, watched] {
         let error = pending.finish(&backend, &mut built, &scene, &options).unwrap_err();
         assert!(matches!(error, FinishError::Build(_)), "{error}");
-        assert_eq!((traced(&*built, &rays), built.scene().digest()), (old.clone(), digest));
+        assert_eq!((traced_bits(&*built, &rays), built.scene().digest()), (old.clone(), digest));
     }
     pending.finish(&backend, &mut built, &scene, &options).unwrap();
-    assert_eq!(backend.builds.load(Relaxed), 4);
-    assert_eq!(traced(&*built, &rays), traced(&*build(&scene), &rays));
+    assert_eq!(backend.builds(), 4);
+    assert_eq!(traced_bits(&*built, &rays), traced_bits(&*build(&scene), &rays));
 }
 
 /// The first that is finished makes the other outdated; renewed, it builds nothing anew.
@@ -196,7 +148,7 @@ fn of_two_at_once_the_second_is_outdated_and_loses_nothing() {
     let (mut scene, names) = objects::scene(Kind::Ordinary, 40, 5);
     let rays = objects::rays(&scene, 500, 6);
     let (mut built, options) = (build(&scene), BuildOptions::default());
-    let (one, other) = (Counts::new(usize::MAX), Counts::new(usize::MAX));
+    let (one, other) = (counting(usize::MAX), counting(usize::MAX));
     edit(&mut scene, &names, 9);
     let mut first = PendingUpdate::begin(&one, built.scene(), &scene).unwrap();
     // One mesh is the same for both, one is not.
@@ -221,8 +173,8 @@ fn of_two_at_once_the_second_is_outdated_and_loses_nothing() {
     assert_eq!(first.left(), 0);
     let report = first.finish(&one, &mut built, &scene, &options).unwrap();
     assert_eq!((report.geometries_built, built.scene().digest()), (0, now));
-    assert_eq!(one.builds.load(Relaxed), 2);
-    assert_eq!(traced(&*built, &rays), traced(&*build(&scene), &rays));
+    assert_eq!(one.builds(), 2);
+    assert_eq!(traced_bits(&*built, &rays), traced_bits(&*build(&scene), &rays));
 }
 
 /// An update of an instance, of a mesh, or of a mask meanwhile is noticed; none, and one that failed, are not.
@@ -274,7 +226,7 @@ fn every_update_meanwhile_is_noticed() {
 /// Several geometries over the same arrays have one tree, which is built once and counts once.
 #[test]
 fn a_tree_that_geometries_share_counts_once() {
-    let (backend, options) = (Counts::new(usize::MAX), BuildOptions::default());
+    let (backend, options) = (counting(usize::MAX), BuildOptions::default());
     let large = scenes::soup(3000, 0.2, 3);
     let mut scene = Scene::new();
     let names: Vec<_> = (0..5).map(|_| scene.add_mesh(&large.mesh()).unwrap()).collect();
@@ -289,7 +241,7 @@ fn a_tree_that_geometries_share_counts_once() {
     let mut pending = PendingUpdate::begin(&backend, built.scene(), &other).unwrap();
     assert_eq!((pending.left(), pending.progress().total), (2, 2));
     pending.build(&backend, &options).unwrap();
-    assert_eq!((backend.builds.load(Relaxed), pending.left()), (2, 0));
+    assert_eq!((backend.builds(), pending.left()), (2, 0));
     let [one, last] = [names[0], names[4]].map(|name| {
         let mut single = Scene::new();
         let own = single.add_mesh(&large.mesh()).unwrap();
@@ -318,7 +270,7 @@ fn a_tree_that_geometries_share_counts_once() {
     let bytes = built.scene().bytes() - built.scene().bytes_beside_geometries();
     assert_eq!(bytes, one + last);
     let rays = objects::rays(&other, 500, 6);
-    assert_eq!(traced(&*built, &rays), traced(&*build(&other), &rays));
+    assert_eq!(traced_bits(&*built, &rays), traced_bits(&*build(&other), &rays));
     // One of them goes, the tree stays; it counts until the last is gone.
     let mut fewer = sharing(&other, &names);
     for name in &names[..4] {

@@ -5,26 +5,19 @@ use core::sync::atomic::AtomicUsize;
 use core::sync::atomic::Ordering::Relaxed;
 
 use splitplane_core::backend::scene::{HostScene, SceneAccelerator, TopUpdate};
-use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions, QueryLayout};
-use splitplane_core::error::{BuildError, DeviceError, QueryError};
+use splitplane_core::backend::{Backend, BuildOptions, QueryLayout};
+use splitplane_core::error::{BuildError, QueryError};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::Ray;
-use splitplane_core::report::BackendInfo;
 use splitplane_core::scene::{
     Instance, Scene, SceneBuildError, SceneHit, SceneOptions, translation,
 };
-use splitplane_core::tree::KdTree;
 use splitplane_core::watch::Progress;
 use splitplane_cpu::{CpuBackend, InstructionSet};
+use splitplane_test_support::built::{CountingBackend, traced};
 use splitplane_test_support::objects::{self, Kind};
 use splitplane_test_support::random::Random;
 use splitplane_test_support::scenes;
-
-fn traced(accelerator: &dyn SceneAccelerator, rays: &[Ray]) -> Vec<SceneHit> {
-    let mut hits = vec![SceneHit::MISS; rays.len()];
-    accelerator.closest_hits(rays, &mut hits, &SceneOptions::default()).expect("hits");
-    hits
-}
 
 #[test]
 fn moving_one_of_many_looks_at_that_one_only() {
@@ -126,35 +119,6 @@ fn what_moves_out_of_all_boxes_is_found() {
     assert!(most >= 4, "{most}");
 }
 
-/// A CPU that fails at its n-th build.
-struct Fails(CpuBackend, usize, AtomicUsize);
-
-impl Backend for Fails {
-    fn describe(&self) -> BackendInfo {
-        BackendInfo::new("fails")
-    }
-
-    fn build(
-        &self,
-        mesh: &Mesh<'_>,
-        options: &BuildOptions<'_>,
-    ) -> Result<Box<dyn Accelerator>, BuildError> {
-        if self.2.fetch_add(1, Relaxed) == self.1 {
-            return Err(BuildError::Device(DeviceError::Failed("planted".into())));
-        }
-        self.0.build(mesh, options)
-    }
-
-    fn load(
-        &self,
-        mesh: &Mesh<'_>,
-        tree: KdTree,
-        options: &LoadOptions<'_>,
-    ) -> Result<Box<dyn Accelerator>, BuildError> {
-        self.0.load(mesh, tree, options)
-    }
-}
-
 /// A scene after some edits: two new meshes, an instance that came, one that went, one that moved.
 fn edited(scene: &mut Scene, names: &[splitplane_core::scene::InstanceId]) {
     let geometries: Vec<_> = scene.geometries().map(|(name, _)| name).collect();
@@ -177,7 +141,8 @@ fn a_failed_update_leaves_the_old_scene() {
     edited(&mut scene, &names);
     let mut failed = 0;
     for at in 0..2 {
-        let fails = Fails(CpuBackend::new(), at, AtomicUsize::new(0));
+        let fails = CountingBackend::new(CpuBackend::new());
+        fails.fail_at(at);
         let error = fails.update_scene(&mut built, &scene, &options).unwrap_err();
         let SceneBuildError::Geometry { geometry, error: BuildError::Device(_) } = error else {
             panic!("{error}");

@@ -1,66 +1,15 @@
 //! Geometries that share arrays have one tree, which is built once and counts once, whoever brings the scene up to date.
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicUsize;
-use std::sync::atomic::Ordering::Relaxed;
 
 use splitplane_core::backend::scene::{SceneAccelerator, SceneUpdater};
-use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions};
-use splitplane_core::error::{BuildError, DeviceError};
-use splitplane_core::mesh::Mesh;
-use splitplane_core::ray::Ray;
-use splitplane_core::report::BackendInfo;
+use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::scene::{
-    GeometryId, Instance, OpacityMask, Scene, SceneBuildError, SceneHit, SceneOptions, translation,
+    GeometryId, Instance, OpacityMask, Scene, SceneBuildError, translation,
 };
-use splitplane_core::tree::KdTree;
 use splitplane_cpu::CpuBackend;
+use splitplane_test_support::built::{CountingBackend, traced_bits};
 use splitplane_test_support::{objects, scenes};
-
-/// A CPU that counts builds, and fails from one of them on.
-struct Counts {
-    cpu: CpuBackend,
-    builds: AtomicUsize,
-    fails_at: AtomicUsize,
-}
-
-impl Counts {
-    fn new() -> Counts {
-        let (builds, fails_at) = (AtomicUsize::new(0), AtomicUsize::new(usize::MAX));
-        Counts { cpu: CpuBackend::new(), builds, fails_at }
-    }
-
-    /// Builds since it was last asked.
-    fn builds(&self) -> usize {
-        self.builds.swap(0, Relaxed)
-    }
-}
-
-impl Backend for Counts {
-    fn describe(&self) -> BackendInfo {
-        BackendInfo::new("counts")
-    }
-
-    fn build(
-        &self,
-        mesh: &Mesh<'_>,
-        options: &BuildOptions<'_>,
-    ) -> Result<Box<dyn Accelerator>, BuildError> {
-        if self.builds.fetch_add(1, Relaxed) >= self.fails_at.load(Relaxed) {
-            return Err(BuildError::Device(DeviceError::Failed("planted".into())));
-        }
-        self.cpu.build(mesh, options)
-    }
-
-    fn load(
-        &self,
-        mesh: &Mesh<'_>,
-        tree: KdTree,
-        options: &LoadOptions<'_>,
-    ) -> Result<Box<dyn Accelerator>, BuildError> {
-        self.cpu.load(mesh, tree, options)
-    }
-}
 
 /// Five geometries with an instance each. `shares`: the first four have one set of arrays, in place of equal ones.
 fn scene(shares: bool, seed: u64) -> (Scene, Vec<GeometryId>) {
@@ -90,15 +39,6 @@ fn share(scene: &mut Scene, names: &[GeometryId]) {
     }
 }
 
-fn traced(accelerator: &dyn SceneAccelerator, rays: &[Ray]) -> Vec<[u32; 6]> {
-    let (mut hits, options) = (vec![SceneHit::MISS; rays.len()], SceneOptions::default());
-    accelerator.closest_hits(rays, &mut hits, &options).expect("hits");
-    for (ray, hit) in rays.iter().zip(&hits).step_by(7) {
-        assert_eq!(accelerator.closest_hit(ray, &options), hit.some());
-    }
-    hits.iter().map(|hit| bytemuck::cast(*hit)).collect()
-}
-
 /// How many trees a scene has.
 fn trees(built: &dyn SceneAccelerator) -> usize {
     let trees =
@@ -113,19 +53,19 @@ fn bytes(built: &dyn SceneAccelerator) -> u64 {
 
 #[test]
 fn a_scene_is_built_with_one_tree_for_all_that_share_arrays() {
-    let (backend, options) = (Counts::new(), BuildOptions::default());
+    let (backend, options) = (CountingBackend::new(CpuBackend::new()), BuildOptions::default());
     let (apart, names) = scene(false, 3);
     let (shared, _) = scene(true, 3);
     let rays = objects::rays(&apart, 800, 6);
     let expected = backend.build_scene(&apart, &options).unwrap();
-    assert_eq!((backend.builds(), trees(&*expected)), (5, 5));
+    assert_eq!((backend.take_builds(), trees(&*expected)), (5, 5));
     let built = backend.build_scene(&shared, &options).unwrap();
-    assert_eq!((backend.builds(), trees(&*built)), (2, 2));
+    assert_eq!((backend.take_builds(), trees(&*built)), (2, 2));
     let of = |name| expected.scene().geometry(name).unwrap().bytes();
     assert_eq!(bytes(&*expected), 4 * of(names[0]) + of(names[4]));
     assert_eq!(bytes(&*built), of(names[0]) + of(names[4]));
     assert_eq!(built.scene().digest(), expected.scene().digest());
-    assert_eq!(traced(&*built, &rays), traced(&*expected, &rays));
+    assert_eq!(traced_bits(&*built, &rays), traced_bits(&*expected, &rays));
     for ((_, one), (_, other)) in built.scene().geometries().zip(expected.scene().geometries()) {
         assert_eq!((one.bounds(), one.outline()), (other.bounds(), other.outline()));
     }
@@ -136,20 +76,20 @@ fn a_scene_is_built_with_one_tree_for_all_that_share_arrays() {
     let limit = most.expect("a limit") - 2 * of(names[0]);
     let limited = BuildOptions { max_memory: Some(limit), ..options };
     assert!(backend.build_scene(&apart, &limited).is_err());
-    backend.builds();
+    backend.take_builds();
     let built = backend.build_scene(&shared, &limited).unwrap();
-    assert_eq!((backend.builds(), built.scene().digest()), (2, expected.scene().digest()));
+    assert_eq!((backend.take_builds(), built.scene().digest()), (2, expected.scene().digest()));
 }
 
 #[test]
 fn updates_build_shared_arrays_once() {
-    let (backend, options) = (Counts::new(), BuildOptions::default());
+    let (backend, options) = (CountingBackend::new(CpuBackend::new()), BuildOptions::default());
     for by_updater in [false, true] {
         let (mut scene, names) = scene(true, 3);
         let rays = objects::rays(&scene, 800, 6);
         let mut built = backend.build_scene(&scene, &options).unwrap();
         let mut updater = SceneUpdater::new(u64::MAX);
-        backend.builds();
+        backend.take_builds();
         let mut most = 0;
         for seed in 10..16 {
             scene.replace_mesh(names[0], &scenes::soup(3000, 0.2, seed).mesh()).unwrap();
@@ -162,11 +102,11 @@ fn updates_build_shared_arrays_once() {
                 false => backend.update_scene(&mut built, &scene, &options),
             };
             assert_eq!(report.unwrap().geometries_built, 4);
-            assert_eq!((backend.builds(), trees(&*built)), (1, 2), "{by_updater}");
+            assert_eq!((backend.take_builds(), trees(&*built)), (1, 2), "{by_updater}");
             let fresh = CpuBackend::new().build_scene(&scene, &options).unwrap();
             assert_eq!(built.scene().digest(), fresh.scene().digest());
             assert_eq!(bytes(&*built), bytes(&*fresh));
-            assert_eq!(traced(&*built, &rays), traced(&*fresh, &rays));
+            assert_eq!(traced_bits(&*built, &rays), traced_bits(&*fresh, &rays));
             // One tree at most, of that size.
             if seed < 13 {
                 most = most.max(updater.spare_bytes());
@@ -183,8 +123,8 @@ fn updates_build_shared_arrays_once() {
             scene.remove_geometry(*name).unwrap();
             backend.update_scene(&mut built, &scene, &options).unwrap();
             let fresh = CpuBackend::new().build_scene(&scene, &options).unwrap();
-            assert_eq!((backend.builds(), bytes(&*built)), (0, bytes(&*fresh)));
-            assert_eq!(traced(&*built, &rays), traced(&*fresh, &rays));
+            assert_eq!((backend.take_builds(), bytes(&*built)), (0, bytes(&*fresh)));
+            assert_eq!(traced_bits(&*built, &rays), traced_bits(&*fresh, &rays));
         }
         assert_eq!(bytes(&*built), last);
     }
@@ -192,7 +132,7 @@ fn updates_build_shared_arrays_once() {
 
 #[test]
 fn a_tree_that_is_not_built_is_no_geometrys() {
-    let (backend, options) = (Counts::new(), BuildOptions::default());
+    let (backend, options) = (CountingBackend::new(CpuBackend::new()), BuildOptions::default());
     let (mut scene, names) = scene(true, 3);
     let mut built = backend.build_scene(&scene, &options).unwrap();
     let digest = built.scene().digest();
@@ -200,13 +140,12 @@ fn a_tree_that_is_not_built_is_no_geometrys() {
     scene.replace_mesh(names[2], &scenes::soup(300, 0.2, 8).mesh()).unwrap();
     share(&mut scene, &[names[2], names[3], names[4]]);
     for fails_at in [0, 1] {
-        backend.builds();
-        backend.fails_at.store(fails_at, Relaxed);
+        backend.fail_at(fails_at);
         let error = backend.update_scene(&mut built, &scene, &options).unwrap_err();
         let SceneBuildError::Geometry { geometry, .. } = error else { panic!("{error}") };
         assert_eq!((geometry, built.scene().digest()), (names[1 + fails_at].0, digest));
     }
-    backend.fails_at.store(usize::MAX, Relaxed);
+    backend.fail_at(usize::MAX);
     // The first keeps the tree that it had; what the others have is another one.
     let report = backend.update_scene(&mut built, &scene, &options).unwrap();
     assert_eq!((report.geometries_built, trees(&*built)), (4, 3));
@@ -216,7 +155,7 @@ fn a_tree_that_is_not_built_is_no_geometrys() {
     assert_eq!(built.scene().digest(), fresh.scene().digest());
     // Arrays that a geometry has already are built again for one that gets them in a later update.
     share(&mut scene, &[names[0], names[1]]);
-    backend.builds();
+    backend.take_builds();
     let report = backend.update_scene(&mut built, &scene, &options).unwrap();
-    assert_eq!((report.geometries_built, backend.builds(), trees(&*built)), (1, 1, 3));
+    assert_eq!((report.geometries_built, backend.take_builds(), trees(&*built)), (1, 1, 3));
 }

@@ -1,5 +1,7 @@
 //! What an updater of scenes holds, and what of it counts towards limits, by trees that are counted and limits that are noted.
 
+use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Arc, Mutex};
 
 use splitplane_core::backend::scene::{FinishError, PendingUpdate, SceneAccelerator, SceneUpdater};
@@ -9,7 +11,7 @@ use splitplane_core::mesh::Mesh;
 use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::report::{BackendInfo, BuildSummary};
-use splitplane_core::scene::{GeometryId, Instance, Scene, SceneBuildError};
+use splitplane_core::scene::{GeometryId, Instance, Scene, SceneBuildError, translation};
 use splitplane_core::tree::KdTree;
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::scenes;
@@ -24,6 +26,8 @@ struct Counted {
     fails_with: Mutex<Option<usize>>,
     alive: Arc<()>,
     limits: Mutex<Vec<Option<u64>>>,
+    /// How often a tree was asked for its bytes.
+    asked: Arc<AtomicUsize>,
 }
 
 impl Counted {
@@ -57,7 +61,8 @@ impl Backend for Counted {
     ) -> Result<Box<dyn Accelerator>, BuildError> {
         self.note(options);
         let tree = self.cpu.build(mesh, options)?;
-        Ok(Box::new(Tree { tree, _alive: Arc::clone(&self.alive) }))
+        let (_alive, asked) = (Arc::clone(&self.alive), Arc::clone(&self.asked));
+        Ok(Box::new(Tree { tree, _alive, asked }))
     }
 
     fn rebuild(
@@ -92,6 +97,7 @@ impl Backend for Counted {
 struct Tree {
     tree: Box<dyn Accelerator>,
     _alive: Arc<()>,
+    asked: Arc<AtomicUsize>,
 }
 
 impl Accelerator for Tree {
@@ -104,6 +110,7 @@ impl Accelerator for Tree {
     }
 
     fn query_bytes(&self) -> u64 {
+        self.asked.fetch_add(1, Relaxed);
         self.tree.query_bytes()
     }
 
@@ -368,4 +375,27 @@ fn pending_updates_build_into_spares() {
     let outdated = updater.finish(&backend, &mut pending, &mut *built, &scene, &options);
     assert_eq!(outdated.unwrap_err(), FinishError::Outdated);
     assert_eq!((built.scene().digest(), updater.spare_bytes()), (digest, spares));
+}
+
+/// The limit is looked at between every few thousand instances, and the bytes of all geometries are summed no more often for it.
+#[test]
+fn many_instances_ask_no_tree_more_often_for_its_bytes() {
+    let asked = |instances: usize| {
+        let backend = Counted::new(false);
+        let (mut scene, names) = scene_of([20, 30]);
+        for _ in 0..50 {
+            scene.add_mesh(&scenes::soup(10, 0.1, 3).mesh()).unwrap();
+        }
+        let options = BuildOptions { max_memory: Some(1 << 30), ..BuildOptions::default() };
+        let mut built = backend.build_scene(&scene, &options).unwrap();
+        for number in 0..instances {
+            scene.add_instance(Instance::new(names[number % 2], translation([1.0; 3]))).unwrap();
+        }
+        backend.asked.store(0, Relaxed);
+        backend.update_scene(&mut built, &scene, &options).unwrap();
+        backend.asked.load(Relaxed)
+    };
+    let (few, many) = (asked(100), asked(30_000));
+    assert!(few > 50, "{few}");
+    assert_eq!(few, many);
 }

@@ -188,7 +188,8 @@ impl PendingSceneUpdate {
     }
 
     /// Puts the update in place: see [`PendingUpdate::finish`]. Never waits for a build: while one is under way, it is [`FinishError::NotBuilt`]. The
-    /// geometries that changed are sent to the buffers that the scene's rays read.
+    /// geometries that changed are sent to the buffers that the scene's rays read. With a limit of memory that has no place for old and new buffers side by
+    /// side it waits until the device has freed the old ones, and so for what else was submitted before.
     ///
     /// What the device refuses when they are sent is known at once, and leaves the scene to the CPU: see
     /// [`SceneAccelerator::placed_by_cpu`]. In a browser it is told later, and nothing would say so:

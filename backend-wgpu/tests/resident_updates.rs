@@ -1,6 +1,10 @@
 //! Scenes on a device whose geometries change: only what changed is sent, and hits stay those of all instances asked one after the other.
 //! `SPLITPLANE_LONG=1` makes 4,000 updates in place of 120.
 
+use core::ops::ControlFlow;
+use core::sync::atomic::AtomicU64;
+use core::sync::atomic::Ordering::Relaxed;
+
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::backend::scene::packed::{PackedInstance, PackedScene, PackedTopNode};
 use splitplane_core::backend::scene::{SceneAccelerator, UpdateReport};
@@ -12,6 +16,7 @@ use splitplane_core::ray::Ray;
 use splitplane_core::scene::{
     GeometryId, Instance, Scene, SceneBuildError, SceneHit, SceneOptions, translation,
 };
+use splitplane_core::watch::Progress;
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::edits::edit;
 use splitplane_test_support::objects::{self, Kind};
@@ -320,13 +325,11 @@ fn tight_limits_have_no_room_to_spare() {
     }
     let mesh = sheet(256, 2.0);
     scene.replace_mesh(names[2], &Mesh::soup(&mesh).expect("a mesh")).expect("an edit");
-    let on_cpu = CpuBackend::new().build_scene(&scene, &BuildOptions::default()).unwrap();
-    // The old scene and the new geometry, and the new scene on the device to the byte.
-    let own = on_cpu.scene().geometry(names[2]).expect("a geometry").bytes();
-    let held = world.built.scene().bytes() + own;
-    let all: u64 = on_cpu.scene().packed_sizes().bytes().iter().sum();
+    world.update(&scene);
+    // The new scene on the host and on the device to the byte, where the buffer for shapes, of which there are none, has 16.
+    let enough = world.built.scene().bytes() + world.all() + 16;
     for (less, is_there) in [(1, false), (0, true)] {
-        let max_memory = Some(held + all - less);
+        let max_memory = Some(enough - less);
         let options = BuildOptions { max_memory, ..BuildOptions::default() };
         let mut fresh = World::new();
         fresh.update(&old);
@@ -336,4 +339,55 @@ fn tight_limits_have_no_room_to_spare() {
         fresh.built.update_by(&scene, &options, build).expect("an update");
         assert_eq!(fresh.built.placed_by_cpu().is_none(), is_there, "{less}");
     }
+}
+
+/// Where very many geometries change, the search for their places can be cancelled anywhere: the old scene stays, on the device.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn a_watch_ends_the_search_for_places() {
+    let mut world = World::new();
+    let mut scene = Scene::new();
+    let (small, large) = (sheet(1, 0.0), sheet(2, 0.0));
+    let names: Vec<_> = (0..4000)
+        .map(|_| scene.add_mesh(&Mesh::soup(&small).expect("a mesh")).expect("a geometry"))
+        .collect();
+    scene.add_instance(Instance::in_place(names[0])).expect("an instance");
+    world.update(&scene);
+    let rays = objects::rays(&scene, 60, 8);
+    let (before, digest) = (world.check(&rays), world.built.scene().digest());
+    for &name in names.iter().step_by(2) {
+        scene.replace_mesh(name, &Mesh::soup(&large).expect("a mesh")).expect("an edit");
+    }
+    // Ends it at one of the calls that come when all trees are built: the first is before instances are placed, the others are among places.
+    let mut ended_at = |last: u64| {
+        let seen = AtomicU64::new(0);
+        let watch =
+            |own: &Progress| match own.done < own.total || seen.fetch_add(1, Relaxed) + 1 < last {
+                true => ControlFlow::Continue(()),
+                false => ControlFlow::Break(()),
+            };
+        let World { cpu, built, .. } = &mut world;
+        let build = &mut |mesh: &Mesh<'_>, options: &BuildOptions<'_>| {
+            Backend::build(cpu, mesh, &options.unwatched())
+        };
+        let options = BuildOptions { watch: Some(&watch), ..BuildOptions::default() };
+        let told = built.update_by(&scene, &options, build);
+        if told.is_err() {
+            assert_eq!((built.placed_by_cpu(), built.scene().digest()), (None, digest));
+        }
+        (told, seen.into_inner())
+    };
+    let mut calls = 0;
+    loop {
+        let (told, seen) = ended_at(calls + 1);
+        if told.is_ok() {
+            break;
+        }
+        assert!(matches!(told, Err(SceneBuildError::Cancelled { .. })), "{told:?}");
+        calls += 1;
+        assert_eq!(seen, calls);
+    }
+    assert!(calls > 3, "{calls}");
+    assert!(before > 0 && world.check(&rays) > 0);
+    assert_ne!(world.built.scene().digest(), digest);
 }

@@ -136,6 +136,13 @@ impl Gpu {
         self.planted_memory.store(most, Ordering::Relaxed);
     }
 
+    /// From now on, this is called whenever a buffer was made, with that buffer there: for tests that ask the device what it holds then. The first one
+    /// stays.
+    #[doc(hidden)]
+    pub fn observe_buffers(&self, observer: impl Fn() + Send + Sync + 'static) {
+        self.traffic.observe(observer);
+    }
+
     /// Pipelines made so far, by this device and its clones.
     pub fn pipelines_made(&self) -> u64 {
         self.compiler.made()

@@ -1,6 +1,8 @@
 //! What crosses between host and device, counted.
 
+use std::fmt;
 use std::ops::Sub;
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// What has crossed between host and device so far, and what was made there. The difference of two of these
@@ -44,6 +46,16 @@ pub(super) struct Counted {
     readbacks: AtomicU64,
     bytes_down: AtomicU64,
     buffers: AtomicU64,
+    /// Called when a buffer was made, where a test says so.
+    observer: OnceLock<Observer>,
+}
+
+struct Observer(Box<dyn Fn() + Send + Sync>);
+
+impl fmt::Debug for Observer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("an observer")
+    }
 }
 
 impl Counted {
@@ -59,6 +71,14 @@ impl Counted {
 
     pub(super) fn buffer(&self) {
         self.buffers.fetch_add(1, Ordering::Relaxed);
+        if let Some(Observer(observer)) = self.observer.get() {
+            observer();
+        }
+    }
+
+    /// The first observer stays.
+    pub(super) fn observe(&self, observer: impl Fn() + Send + Sync + 'static) {
+        self.observer.get_or_init(|| Observer(Box::new(observer)));
     }
 
     pub(super) fn so_far(&self) -> Traffic {

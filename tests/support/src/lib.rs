@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 pub mod aim;
+pub mod built;
 pub mod close_calls;
 pub mod clouds;
 pub mod configs;

@@ -6,6 +6,8 @@
 //! rays are done. What is on the device is the scene as [`packed`](splitplane_core::backend::scene::packed) has it.
 
 mod bindings;
+mod failed;
+mod gone;
 mod held;
 mod near;
 mod reserved;

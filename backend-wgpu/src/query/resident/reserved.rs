@@ -24,3 +24,14 @@ pub(super) struct Room {
     pub(super) buffers: Buffers,
     pub(super) sending: Sending,
 }
+
+/// What came of reserving room.
+#[derive(Debug)]
+pub(super) enum Reserved {
+    /// It is there, beside what the device holds of the old scene.
+    Room(Room),
+    /// The limit of memory has no place for it beside the old scene: that has to go first, which it may once the update is in place on the host.
+    Afterwards,
+    /// The scene is not going to be on the device, for this reason.
+    Refused(String),
+}

@@ -1,10 +1,15 @@
 //! Room on a device for what a scene is going to be, before anything changes.
 
+use splitplane_core::backend::BuildOptions;
 use splitplane_core::backend::scene::Becoming;
-use splitplane_core::backend::scene::packed::PackedSizes;
+use splitplane_core::backend::scene::packed::{PackedSizes, Unpackable};
+use splitplane_core::scene::SceneBuildError;
+use splitplane_core::watch::Watch;
 
+use super::failed::failed;
+use super::gone::Gone;
 use super::held::HeldScene;
-use super::reserved::{Buffers, OF_INSTANCES, Room, Sending};
+use super::reserved::{Buffers, OF_INSTANCES, Reserved, Room, Sending};
 use crate::device::gpu::{Gpu, LEAST_BUFFER};
 use crate::device::halves::binding_limit;
 use crate::device::scope::checked;
@@ -38,20 +43,25 @@ enum Way {
 }
 
 impl Room {
-    /// Reserves room, or says why the scene will not be on the device. `held` is what the device holds of the old scene, which stays as it is.
+    /// Reserves room. `held` is what the device holds of the old scene, which stays as it is: what replaces a buffer of it is there beside it, and both
+    /// count towards the limit. So does what is `gone`, as long as the device has it.
     ///
     /// # Errors
-    /// No memory on the device, or a device that fails.
+    /// No memory on the device, or a device that fails; a watch that cancels the update.
     pub(super) fn reserve(
         gpu: &Gpu,
         held: Option<&HeldScene>,
         becoming: &Becoming<'_>,
-        max_memory: Option<u64>,
-    ) -> Result<Result<Room, String>, GpuError> {
+        gone: &mut Gone,
+        options: &BuildOptions<'_>,
+    ) -> Result<Reserved, SceneBuildError> {
         if let Some(reason) = becoming.host_only {
-            return Ok(Err(reason.into()));
+            return Ok(Reserved::Refused(reason.into()));
         }
-        let stays = held.and_then(|held| Stays::of(held, becoming));
+        let stays = match held {
+            Some(held) => Stays::of(held, becoming, options.watch)?,
+            None => None,
+        };
         let all = becoming.sizes.bytes();
         // What comes to a scene of nothing is its first content, not growth.
         let is_first = |held: &HeldScene| {
@@ -67,46 +77,58 @@ impl Room {
             _ => &[Way::StaySpare, Way::Stay, Way::All, Way::AllExact],
         };
         let there = held.map(|held| &held.buffers);
-        let mut outcome = Ok(String::new());
-        for &way in ways {
+        let plan = |way: Way| {
             let needed = match (way, &stays) {
                 (Way::StaySpare | Way::Stay, Some(stays)) => stays.bytes,
                 _ => all,
             };
             let bytes = bytes_by(gpu, way, there, needed);
-            if let Some(reason) = exceeded(gpu, &bytes, becoming.held, max_memory) {
+            (kept(there.filter(|_| way != Way::AllExact), &bytes), bytes)
+        };
+        let refusal = |way: Way, gone: u64| {
+            let (kept, bytes) = plan(way);
+            let besides = (becoming.held + gone).saturating_add(replaced(there, &kept));
+            exceeded(gpu, &bytes, besides, options.max_memory)
+        };
+        gone.decide(gpu, |gone| ways.iter().position(|&way| refusal(way, gone).is_none()));
+        let mut outcome = Ok(String::new());
+        for &way in ways {
+            if let Some(reason) = refusal(way, gone.bytes()) {
                 outcome = outcome.map(|_| reason);
                 continue;
             }
-            let kept = there.filter(|_| way != Way::AllExact);
+            let (kept, bytes) = plan(way);
             match made(gpu, kept, &bytes) {
                 Ok(buffers) => {
                     let sending = match (way, stays) {
                         (Way::StaySpare | Way::Stay, Some(stays)) => stays.sending,
                         _ => Sending::All,
                     };
-                    return Ok(Ok(Room { buffers, sending }));
+                    return Ok(Reserved::Room(Room { buffers, sending }));
                 }
                 Err(error) => outcome = Err(error),
             }
         }
-        outcome.map(Err)
+        match outcome {
+            Ok(_) if held.is_some() => Ok(Reserved::Afterwards),
+            Ok(reason) => Ok(Reserved::Refused(reason)),
+            Err(error) => Err(failed(error)),
+        }
     }
 
     /// With new buffers in place of those that are too small for the scene as it came to be: a worn tree over instances that was built anew may have more nodes.
-    /// The scene is updated and takes what it takes: where the limit has no place for it beside what was reserved, room to spare is given up, and then all
+    /// The scene is updated and takes what it takes, beside `old`: where the limit has no place for it beside what was reserved, room to spare is given up, and then all
     /// is sent to buffers of no more than is needed.
-    ///
-    /// # Errors
-    /// Why the scene cannot be on the device.
     pub(super) fn grown(
         self,
         gpu: &Gpu,
+        old: Option<&HeldScene>,
         sizes: &PackedSizes,
         held: u64,
+        gone: &mut Gone,
         max_memory: Option<u64>,
-    ) -> Result<Room, String> {
-        let Room { mut buffers, mut sending } = self;
+    ) -> Reserved {
+        let Room { buffers, mut sending } = self;
         let mut reserved = buffers.each_ref().map(wgpu::Buffer::size);
         for (own, needed) in reserved.iter_mut().zip(sizes.bytes()).take(OF_INSTANCES) {
             *own = needed.max(*own);
@@ -119,19 +141,49 @@ impl Room {
                 PackedSizes { top_nodes, instances, ..places.ends() }.bytes()
             }
         };
-        let mut outcome = Err(String::new());
-        for bytes in [reserved, staying, all] {
-            outcome = exceeded(gpu, &bytes, held, max_memory).map_or(Ok(bytes), Err);
-            if outcome.is_ok() {
-                break;
-            }
-        }
-        let bytes = outcome?;
+        let there = old.map(|old| &old.buffers);
+        let fits = |bytes: &[u64; 6], gone: u64| {
+            let replaced = replaced(there, &kept(Some(&buffers), bytes));
+            exceeded(gpu, bytes, (held + gone).saturating_add(replaced), max_memory).is_none()
+        };
+        let all_ways = [reserved, staying, all];
+        let found = |gone| all_ways.into_iter().find(|bytes| fits(bytes, gone));
+        let Some(bytes) = gone.decide(gpu, found) else {
+            let held = held + gone.bytes();
+            return match (old, exceeded(gpu, &all, held, max_memory)) {
+                (None, Some(reason)) => Reserved::Refused(reason),
+                _ => Reserved::Afterwards,
+            };
+        };
         if bytes != reserved && bytes != staying {
             sending = Sending::All;
         }
-        buffers = made(gpu, Some(&buffers), &bytes).map_err(|error| error.to_string())?;
-        Ok(Room { buffers, sending })
+        let kept = kept(Some(&buffers), &bytes);
+        // Those that are too small go before others are made.
+        drop(buffers);
+        match made(gpu, kept, &bytes) {
+            Ok(buffers) => Reserved::Room(Room { buffers, sending }),
+            Err(error) => Reserved::Refused(error.to_string()),
+        }
+    }
+
+    /// Room for all of a scene that is in place on the host, of which the device holds nothing.
+    ///
+    /// # Errors
+    /// Why the scene cannot be on the device.
+    pub(super) fn alone(
+        gpu: &Gpu,
+        sizes: &PackedSizes,
+        held: u64,
+        max_memory: Option<u64>,
+    ) -> Result<Room, String> {
+        let bytes = sizes.bytes();
+        match exceeded(gpu, &bytes, held, max_memory) {
+            Some(reason) => Err(reason),
+            None => made(gpu, Default::default(), &bytes)
+                .map(|buffers| Room { buffers, sending: Sending::All })
+                .map_err(|error| error.to_string()),
+        }
     }
 }
 
@@ -146,11 +198,26 @@ struct Stays {
 
 impl Stays {
     /// None where no place is found: the host has no memory, or what is free lies in too small pieces.
-    fn of(held: &HeldScene, becoming: &Becoming<'_>) -> Option<Stays> {
+    ///
+    /// # Errors
+    /// A watch that cancels the search.
+    fn of(
+        held: &HeldScene,
+        becoming: &Becoming<'_>,
+        watch: Option<&dyn Watch>,
+    ) -> Result<Option<Stays>, SceneBuildError> {
         let Becoming { changes, sizes, .. } = becoming;
-        let places = held.places.after(changes).ok()?;
+        let places = match held.places.after_watched(changes, watch) {
+            Ok(places) => places,
+            Err(Unpackable::Cancelled { progress }) => {
+                return Err(SceneBuildError::Cancelled { progress });
+            }
+            Err(_) => return Ok(None),
+        };
         let mut geometries = Vec::new();
-        geometries.try_reserve_exact(changes.len()).ok()?;
+        if geometries.try_reserve_exact(changes.len()).is_err() {
+            return Ok(None);
+        }
         let new = changes.iter().filter(|change| change.sizes.is_some());
         geometries.extend(new.map(|change| change.geometry));
         let PackedSizes { top_nodes, instances, .. } = *sizes;
@@ -160,7 +227,8 @@ impl Stays {
         let used: u64 = places.used().bytes().iter().sum();
         let wastes = !changes.is_empty() && used < room / 2 && room > LEAST_WASTE;
         let places = Box::new(places);
-        Some(Stays { sending: Sending::Changed { places, geometries }, bytes, wastes })
+        let sending = Sending::Changed { places, geometries };
+        Ok(Some(Stays { sending, bytes, wastes }))
     }
 }
 
@@ -184,16 +252,27 @@ fn bytes_by(gpu: &Gpu, way: Way, there: Option<&Buffers>, needed: [u64; 6]) -> [
     })
 }
 
-/// Buffers of these sizes: those that are there where they have them, else new ones.
-fn made(gpu: &Gpu, there: Option<&Buffers>, bytes: &[u64; 6]) -> Result<Buffers, GpuError> {
+/// Of the buffers that are there those that have these sizes.
+fn kept(there: Option<&Buffers>, bytes: &[u64; 6]) -> [Option<wgpu::Buffer>; 6] {
+    std::array::from_fn(|place| {
+        let own = &there?[place];
+        (own.size() == bytes[place].max(LEAST_BUFFER)).then(|| own.clone())
+    })
+}
+
+/// Bytes of the buffers that are there and are none of those that are kept: they are held until the update has taken their contents.
+fn replaced(there: Option<&Buffers>, kept: &[Option<wgpu::Buffer>; 6]) -> u64 {
+    let pairs = there.into_iter().flatten().zip(kept);
+    pairs.filter(|(own, kept)| kept.as_ref() != Some(*own)).map(|(own, _)| own.size()).sum()
+}
+
+/// Buffers of these sizes: those that are kept, and new ones.
+fn made(gpu: &Gpu, kept: [Option<wgpu::Buffer>; 6], bytes: &[u64; 6]) -> Result<Buffers, GpuError> {
     checked(gpu, "a scene", || {
         let mut made: Vec<wgpu::Buffer> = Vec::with_capacity(NAMES.len());
-        for (place, (what, &bytes)) in NAMES.iter().zip(bytes).enumerate() {
-            let kept = there
-                .map(|there| &there[place])
-                .filter(|own| own.size() == bytes.max(LEAST_BUFFER));
+        for ((kept, what), &bytes) in kept.into_iter().zip(NAMES).zip(bytes) {
             made.push(match kept {
-                Some(buffer) => buffer.clone(),
+                Some(buffer) => buffer,
                 None => gpu.buffer(what, bytes, USAGE)?,
             });
         }
@@ -209,7 +288,8 @@ fn exceeded(gpu: &Gpu, bytes: &[u64; 6], held: u64, max_memory: Option<u64>) -> 
         let limit = GpuError::Limit { what: (*what).into(), limit, needed, allowed };
         return Some(limit.to_string());
     }
-    let needed = bytes.iter().fold(held, |sum, bytes| sum.saturating_add(*bytes));
+    let of_buffers = bytes.iter().map(|&bytes| bytes.max(LEAST_BUFFER));
+    let needed = of_buffers.fold(held, u64::saturating_add);
     let limit = max_memory.filter(|limit| needed > *limit)?;
     Some(format!("with the scene on the device it takes {needed} bytes, and {limit} are allowed"))
 }

@@ -18,9 +18,11 @@ use splitplane_core::report::QueryReport;
 use splitplane_core::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport};
 
 use super::bindings::SceneBindings;
+use super::failed::failed;
+use super::gone::Gone;
 use super::held::HeldScene;
 use super::near;
-use super::reserved::Room;
+use super::reserved::{Reserved, Room};
 use super::waves::{WaveMemory, Waves};
 use crate::device::wait::{Wait, blocking};
 use crate::error::GpuError;
@@ -40,6 +42,7 @@ pub struct WgpuScene {
     queries: Arc<Queries>,
     /// What the device holds, or why it holds nothing.
     held: Result<HeldScene, String>,
+    gone: Gone,
     memory: WaveMemory,
 }
 
@@ -69,6 +72,7 @@ impl WgpuScene {
             built: BuiltScene::default(),
             queries,
             held: Err("nothing was built yet".into()),
+            gone: Gone::default(),
             memory: WaveMemory::default(),
         }
     }
@@ -106,12 +110,16 @@ impl WgpuScene {
         let done = work(self)?;
         // The scene has nothing of the device's until that has told what it took: who drops this future leaves the scene so.
         let held = std::mem::replace(&mut self.held, Err(UNTOLD.into()));
+        let gone = self.gone;
+        if let Ok(own) = &held {
+            self.gone.add(&own.buffers, None);
+        }
         if let Err(error) = gpu.settle(Wait::Yielding, from).await {
             let error = gpu.cause(error).await;
             self.held = Err(error.to_string());
             return Err(failed(error).into());
         }
-        self.held = held;
+        (self.held, self.gone) = (held, gone);
         Ok(done)
     }
 
@@ -231,14 +239,6 @@ impl WgpuScene {
     }
 }
 
-fn failed(error: GpuError) -> SceneBuildError {
-    match BuildError::from(error) {
-        BuildError::Device(error) => SceneBuildError::Device(error),
-        BuildError::OutOfMemory { needed, limit } => SceneBuildError::OutOfMemory { needed, limit },
-        error => SceneBuildError::Device(DeviceError::Failed(error.to_string())),
-    }
-}
-
 impl SceneAccelerator for WgpuScene {
     fn scene(&self) -> &BuiltScene {
         &self.built
@@ -248,8 +248,9 @@ impl SceneAccelerator for WgpuScene {
         self.held.as_ref().err().map(String::as_str)
     }
 
-    /// As there. Where the device has no memory for the scene's buffers, that is an error, and the old scene answers. A scene that exceeds the limits
-    /// of the device's bindings, or `max_memory` with its buffers, is updated and answered in waves, and so is one that fails later, while it is packed and
+    /// As there. Where the device has no memory for the scene's buffers, that is an error, and the old scene answers. Where the limit has no place for them
+    /// beside those of the old scene, these go first, once the scene is updated, and all is sent. A scene that exceeds the limits
+    /// of the device's bindings, or `max_memory` with its buffers alone, is updated and answered in waves, and so is one that fails later, while it is packed and
     /// sent: [`SceneAccelerator::placed_by_cpu`] says why, and the next update tries again.
     fn update_by(
         &mut self,
@@ -257,27 +258,44 @@ impl SceneAccelerator for WgpuScene {
         options: &BuildOptions<'_>,
         build: &mut BuildGeometry<'_>,
     ) -> Result<UpdateReport, SceneBuildError> {
-        let WgpuScene { built, queries, held, .. } = self;
+        let WgpuScene { built, queries, held, gone, .. } = self;
         let (gpu, limit) = (queries.gpu(), options.max_memory);
-        let mut room: Result<Room, String> = Err(String::new());
+        let mut reserved = Reserved::Refused(String::new());
         let mut report = built.update_after(scene, options, build, &mut |becoming| {
-            room = Room::reserve(gpu, held.as_ref().ok(), becoming, limit).map_err(failed)?;
+            reserved = Room::reserve(gpu, held.as_ref().ok(), becoming, gone, options)?;
             Ok(())
         })?;
         // The scene is updated: what fails from here on leaves it to the CPU.
-        let sent = match built.host_only() {
-            Some(reason) => Err(reason.into()),
-            None => room
-                .and_then(|room| room.grown(gpu, &built.packed_sizes(), built.bytes(), limit))
-                .and_then(|room| {
-                    let put = HeldScene::put(gpu, held.as_ref().ok(), room, built);
-                    put.map_err(|error| error.to_string())
-                }),
+        let (sizes, bytes) = (built.packed_sizes(), built.bytes());
+        if let Some(reason) = built.host_only() {
+            reserved = Reserved::Refused(reason.into());
+        }
+        if let Reserved::Room(room) = reserved {
+            reserved = room.grown(gpu, held.as_ref().ok(), &sizes, bytes, gone, limit);
+        }
+        let room = match reserved {
+            Reserved::Room(room) => Ok(room),
+            Reserved::Refused(reason) => Err(reason),
+            Reserved::Afterwards => {
+                if let Ok(old) = std::mem::replace(held, Err(String::new())) {
+                    gone.add(&old.buffers, None);
+                }
+                gone.wait(gpu);
+                Room::alone(gpu, &sizes, bytes + gone.bytes(), limit)
+            }
         };
-        *held = sent.map(|(new, sent)| {
+        let sent = room.and_then(|room| {
+            let put = HeldScene::put(gpu, held.as_ref().ok(), room, built);
+            put.map_err(|error| error.to_string())
+        });
+        let new = sent.map(|(new, sent)| {
             report.bytes_sent = sent;
             new
         });
+        if let Ok(old) = held {
+            gone.add(&old.buffers, new.as_ref().ok().map(|new| &new.buffers));
+        }
+        *held = new;
         Ok(report)
     }
 

@@ -61,7 +61,8 @@ pub struct Becoming<'a> {
     pub sizes: PackedSizes,
     /// Geometries that change, in the order of their names. All others, and their opacity masks, stay what they are.
     pub changes: &'a [GeometryChange],
-    /// Bytes that the old scene and the new geometries hold together.
+    /// Bytes that are held when the update is about to be put in place: the old scene, and beside it the new geometries, opacity masks that come, placements
+    /// that change, and the new tree over instances.
     pub held: u64,
     /// What [`BuiltScene::host_only`] is going to say: with a reason there, a device needs no room.
     pub host_only: Option<&'static str>,
@@ -76,6 +77,8 @@ struct Plan {
     geometries: Vec<(GeometryId, Option<BuiltGeometry>)>,
     /// Placements by name, in ascending order.
     placements: Vec<(InstanceId, Option<Placement>)>,
+    /// Bytes of the scene as it is and of the new geometries; 0 where there is no limit.
+    held: u64,
     report: UpdateReport,
 }
 
@@ -96,6 +99,16 @@ impl Plan {
     /// Bytes of the planned placements.
     fn placement_bytes(&self) -> u64 {
         (self.placements.capacity() * size_of::<(InstanceId, Option<Placement>)>()) as u64
+    }
+
+    /// Whether what is held, the planned placements and so many bytes more are within the limit.
+    fn check_limit(&self, more: u64, options: &BuildOptions<'_>) -> Result<(), SceneBuildError> {
+        let Some(limit) = options.max_memory else { return Ok(()) };
+        let needed = self.held + self.placement_bytes() + more;
+        if needed > limit {
+            return Err(SceneBuildError::OutOfMemory { needed, limit });
+        }
+        Ok(())
     }
 }
 
@@ -161,7 +174,7 @@ impl BuiltScene {
         // they are not worth a refusal.
         let masks = self.new_mask_bytes(scene);
         if masks > 0 {
-            self.check_limit(&plan, masks, options)?;
+            plan.check_limit(masks, options)?;
         }
         let rebuilt = self.rebuilt_top(scene, &plan, options)?;
         make_room(&mut self.geometries, scene.geometry_names())?;
@@ -169,7 +182,7 @@ impl BuiltScene {
         reserve(self, &plan, rebuilt.as_ref())?;
 
         // Nothing fails from here on, but for a worn tree that is then kept.
-        let Plan { geometries, placements, mut report } = plan;
+        let Plan { geometries, placements, mut report, .. } = plan;
         if !geometries.is_empty() {
             for (name, geometry) in geometries {
                 self.geometries[name.0 as usize] = geometry;
@@ -261,7 +274,11 @@ impl BuiltScene {
             instances: self.placements.len(),
             ..PackedSizes::default()
         };
-        let held = self.bytes() + plan.new_bytes();
+        let held = self.bytes()
+            + plan.new_bytes()
+            + plan.placement_bytes()
+            + self.new_mask_bytes(scene)
+            + rebuilt.map_or(0, TopTree::bytes);
         let has_own_shapes = kept().chain(new.clone()).any(|(_, own)| own.has_own_shapes());
         Becoming {
             host_only: host_only(has_own_shapes),
@@ -284,7 +301,8 @@ impl BuiltScene {
         let mut report = UpdateReport::default();
         let total = self.new_geometries(scene).count();
         let repeats = Repeats::of(self.new_geometries(scene))?;
-        let mut held = if options.max_memory.is_some() { self.bytes() } else { 0 };
+        let was = if options.max_memory.is_some() { self.bytes() } else { 0 };
+        let mut held = was;
         for (name, mesh) in self.new_geometries(scene) {
             let done = u64::from(report.geometries_built);
             let progress = Progress { stage: Stage::Geometries, done, total: total as u64 };
@@ -322,7 +340,11 @@ impl BuiltScene {
         }
         // In ascending order, to be found.
         geometries.sort_unstable_by_key(|&(name, _)| name);
-        Ok(Plan { geometries, placements: Vec::new(), report })
+        let mut plan = Plan { geometries, placements: Vec::new(), held: was, report };
+        if options.max_memory.is_some() {
+            plan.held += plan.new_bytes();
+        }
+        Ok(plan)
     }
 
     /// The geometries of a description that an update to it builds, in the order in which it asks for them, those of shapes left out: for backends that
@@ -400,24 +422,9 @@ impl BuiltScene {
         for (place, name) in names.enumerate() {
             if place > 0 && place % PLACED == 0 {
                 plan.go_on(options)?;
-                self.check_limit(plan, 0, options)?;
+                plan.check_limit(0, options)?;
             }
             self.place(scene, name, plan)?;
-        }
-        Ok(())
-    }
-
-    /// Whether the scene, what is planned and so many bytes more are within the limit.
-    fn check_limit(
-        &self,
-        plan: &Plan,
-        more: u64,
-        options: &BuildOptions<'_>,
-    ) -> Result<(), SceneBuildError> {
-        let Some(limit) = options.max_memory else { return Ok(()) };
-        let needed = self.bytes() + plan.new_bytes() + plan.placement_bytes() + more;
-        if needed > limit {
-            return Err(SceneBuildError::OutOfMemory { needed, limit });
         }
         Ok(())
     }
@@ -500,7 +507,7 @@ impl BuiltScene {
             // What is held until the new placements take their places, and the list that the tree is built from.
             let boxes = (scene.len() * size_of::<(u32, WorldBox)>()) as u64;
             let more = placements + boxes + top_tree_bytes(scene.len(), names);
-            self.check_limit(plan, more, options)?;
+            plan.check_limit(more, options)?;
         }
         self.top_of(scene.instance_names(), &plan.placements).map(Some)
     }

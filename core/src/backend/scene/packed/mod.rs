@@ -6,10 +6,12 @@
 //! A geometry that changes goes to a range of each array that is free ([`PackedPlaces`], [`PackedPiece`]), and the others stay where they are.
 //! [`PackedScene::trace`] is the serial reference of the kernels that go through it.
 
+mod free;
 mod pack;
 mod piece;
 mod places;
 mod sizes;
+mod steps;
 mod trace;
 
 use alloc::vec::Vec;

@@ -1,11 +1,13 @@
 //! Where geometries lie in the arrays that they share, and how those that change get other places while the rest stay.
 
 use alloc::vec::Vec;
-use core::ops::Range;
 
+use super::free::{FirstFit, FreeRanges, GivenBack};
 use super::sizes::{GeometryChange, PackedSizes, SHARED, Unpackable};
+use super::steps::Steps;
 use crate::backend::scene::built::BuiltScene;
 use crate::scene::GeometryId;
+use crate::watch::{Progress, Stage, Watch};
 
 /// Where the geometries of a scene lie in the arrays of its packed form.
 ///
@@ -36,10 +38,13 @@ impl PackedPlaces {
     pub fn of(scene: &BuiltScene) -> Result<PackedPlaces, Unpackable> {
         let mut own = PackedPlaces::default();
         own.make_room(scene.geometries.len())?;
+        let mut room: [FirstFit; SHARED] = Default::default();
+        let steps = &mut Steps::new(None, progress(0));
         for (name, geometry) in scene.geometries() {
             let sizes = PackedSizes::default().and(geometry, geometry.opacity());
-            own.take(name, &sizes);
+            own.take(name, &sizes, &mut room, steps)?;
         }
+        own.arrays = room.map(FirstFit::rest);
         own.ends().check()?;
         Ok(own)
     }
@@ -49,23 +54,53 @@ impl PackedPlaces {
     /// # Errors
     /// No memory, or more than can be named.
     pub fn after(&self, changes: &[GeometryChange]) -> Result<PackedPlaces, Unpackable> {
+        self.after_watched(changes, None)
+    }
+
+    /// [`PackedPlaces::after`] with a watch, which is called between every few thousand steps. A change takes as many steps as the logarithm of the number of
+    /// changes and free ranges.
+    ///
+    /// # Errors
+    /// As for [`PackedPlaces::after`], and [`Unpackable::Cancelled`].
+    pub fn after_watched(
+        &self,
+        changes: &[GeometryChange],
+        watch: Option<&dyn Watch>,
+    ) -> Result<PackedPlaces, Unpackable> {
+        let new = changes.iter().filter(|change| change.sizes.is_some()).count();
+        self.after_counted(changes, &mut Steps::new(watch, progress(new as u64)))
+    }
+
+    fn after_counted(
+        &self,
+        changes: &[GeometryChange],
+        steps: &mut Steps<'_>,
+    ) -> Result<PackedPlaces, Unpackable> {
         let mut own = PackedPlaces { used: self.used, ..PackedPlaces::default() };
         let names = changes.iter().map(|change| change.geometry.0 as usize + 1).max();
         own.make_room(self.geometries.len().max(names.unwrap_or(0)))?;
         own.geometries[..self.geometries.len()].copy_from_slice(&self.geometries);
-        for (own, was) in own.arrays.iter_mut().zip(&self.arrays) {
-            // Each change gives back one range at most.
-            own.reserve(was.holes.len() + changes.len())?;
-            own.holes.extend_from_slice(&was.holes);
-            own.end = was.end;
+        let mut given_back: [GivenBack; SHARED] = Default::default();
+        for list in &mut given_back {
+            *list = GivenBack::with_room(changes.len())?;
         }
         for change in changes {
-            own.give_back(change.geometry);
+            steps.take(1)?;
+            own.give_back(change.geometry, &mut given_back);
         }
-        for change in changes {
-            if let Some(sizes) = &change.sizes {
-                own.take(change.geometry, sizes);
+        for (array, given_back) in given_back.into_iter().enumerate() {
+            own.arrays[array] = self.arrays[array].with(given_back, steps)?;
+        }
+        let mut new = changes.iter().filter_map(|own| Some((own.geometry, own.sizes?))).peekable();
+        if new.peek().is_some() {
+            let mut room: [FirstFit; SHARED] = Default::default();
+            for (room, free) in room.iter_mut().zip(&mut own.arrays) {
+                *room = FirstFit::of(core::mem::take(free), steps)?;
             }
+            for (geometry, sizes) in new {
+                own.take(geometry, &sizes, &mut room, steps)?;
+            }
+            own.arrays = room.map(FirstFit::rest);
         }
         own.ends().check()?;
         Ok(own)
@@ -74,7 +109,7 @@ impl PackedPlaces {
     /// How long the arrays must be: up to the end of the last geometry in each of them. There are no instances in these sizes, and no nodes of the tree
     /// over them.
     pub fn ends(&self) -> PackedSizes {
-        sizes_of([0, 1, 2, 3].map(|array: usize| self.arrays[array].end))
+        sizes_of([0, 1, 2, 3].map(|array: usize| self.arrays[array].end()))
     }
 
     /// What of the arrays is in use: [`PackedPlaces::ends`] without free ranges.
@@ -104,157 +139,149 @@ impl PackedPlaces {
         Ok(())
     }
 
-    fn take(&mut self, geometry: GeometryId, sizes: &PackedSizes) {
-        let counts = sizes.shared();
-        let firsts = [0, 1, 2, 3].map(|array: usize| self.arrays[array].take(counts[array]));
-        self.geometries[geometry.0 as usize] = Some(Place { firsts, counts });
-        for (used, count) in self.used.iter_mut().zip(counts) {
-            *used += count;
+    fn take(
+        &mut self,
+        geometry: GeometryId,
+        sizes: &PackedSizes,
+        room: &mut [FirstFit; SHARED],
+        steps: &mut Steps<'_>,
+    ) -> Result<(), Unpackable> {
+        let (mut firsts, counts) = ([0; SHARED], sizes.shared());
+        for array in 0..SHARED {
+            firsts[array] = room[array].take(counts[array], steps)?;
+            self.used[array] += counts[array];
         }
+        self.geometries[geometry.0 as usize] = Some(Place { firsts, counts });
+        Ok(())
     }
 
-    fn give_back(&mut self, geometry: GeometryId) {
+    fn give_back(&mut self, geometry: GeometryId, to: &mut [GivenBack; SHARED]) {
         let Some(Place { firsts, counts }) = self.geometries[geometry.0 as usize].take() else {
             return;
         };
         for array in 0..SHARED {
-            self.arrays[array].give_back(firsts[array]..firsts[array] + counts[array]);
+            to[array].push(firsts[array]..firsts[array] + counts[array]);
             self.used[array] -= counts[array];
         }
     }
+}
+
+/// What a watch is told while so many geometries, all of which are built, get their places.
+fn progress(geometries: u64) -> Progress {
+    Progress { stage: Stage::Geometries, done: geometries, total: geometries }
 }
 
 fn sizes_of([nodes, references, triangles, shapes]: [usize; SHARED]) -> PackedSizes {
     PackedSizes { nodes, references, triangles, shapes, ..PackedSizes::default() }
 }
 
-/// What is free of an array.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-struct FreeRanges {
-    /// In ascending order. None is empty, none touches another, and none touches the end.
-    holes: Vec<Range<usize>>,
-    /// Nothing is in use from here on.
-    end: usize,
-}
-
-impl FreeRanges {
-    fn reserve(&mut self, holes: usize) -> Result<(), Unpackable> {
-        let needed = (holes * size_of::<Range<usize>>()) as u64;
-        self.holes.try_reserve_exact(holes).map_err(|_| Unpackable::Memory { needed })
-    }
-
-    /// The first range that has room for so many; the end for none.
-    fn take(&mut self, count: usize) -> usize {
-        if count == 0 {
-            return self.end;
-        }
-        let Some(at) = self.holes.iter().position(|hole| hole.len() >= count) else {
-            self.end += count;
-            return self.end - count;
-        };
-        let first = self.holes[at].start;
-        if self.holes[at].len() == count {
-            self.holes.remove(at);
-        } else {
-            self.holes[at].start += count;
-        }
-        first
-    }
-
-    /// Frees a range that is in use.
-    fn give_back(&mut self, own: Range<usize>) {
-        if own.is_empty() {
-            return;
-        }
-        let at = self.holes.partition_point(|hole| hole.start < own.start);
-        let after_hole = at > 0 && self.holes[at - 1].end == own.start;
-        let before_hole = self.holes.get(at).is_some_and(|hole| hole.start == own.end);
-        let merged = if after_hole { self.holes[at - 1].start } else { own.start }
-            ..if before_hole { self.holes[at].end } else { own.end };
-        let replaced = at - usize::from(after_hole)..at + usize::from(before_hole);
-        if merged.end == self.end {
-            self.end = merged.start;
-            self.holes.drain(replaced);
-        } else {
-            self.holes.splice(replaced, [merged]);
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::steps::STEPS;
     use super::*;
     use crate::random::hash;
-    use alloc::vec;
+    use core::ops::ControlFlow;
+    use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-    /// Where a range of so many begins, by looking at each entry.
-    fn first_fit(taken: &[bool], count: usize) -> usize {
-        let free = |first: usize| taken[first..].iter().take(count).all(|taken| !taken);
-        (0..=taken.len()).find(|&first| free(first)).unwrap()
+    /// Geometries of one entry of each array, of which every second one then grows: what they leave has room for none of them.
+    fn growth(count: u32) -> (PackedPlaces, Vec<GeometryChange>) {
+        let all: Vec<_> = (0..count).map(|name| change(name, Some([1; SHARED]))).collect();
+        let places = PackedPlaces::default().after(&all).unwrap();
+        (places, (0..count).step_by(2).map(|name| change(name, Some([2; SHARED]))).collect())
     }
 
-    /// Random takes and gives against an array of what is taken. `fault` changes what is given back.
-    fn run(seed: u64, fault: impl Fn(Range<usize>) -> Range<usize>) -> Result<usize, &'static str> {
-        let (mut own, mut taken, mut ranges) = (FreeRanges::default(), Vec::new(), Vec::new());
-        let mut most_holes = 0;
-        for step in 0..600u64 {
-            let random = |what| hash(seed, &[step, what]) as usize;
-            // More come at first, and more go later.
-            if random(0) % 600 >= step as usize || ranges.is_empty() {
-                let count = random(1) % 9;
-                let expected = if count == 0 { own.end } else { first_fit(&taken, count) };
-                if own.take(count) != expected {
-                    return Err("another place");
-                }
-                taken.resize(taken.len().max(expected + count), false);
-                if taken[expected..][..count].contains(&true) {
-                    return Err("an overlap");
-                }
-                taken[expected..][..count].fill(true);
-                if count > 0 {
-                    ranges.push(expected..expected + count);
-                }
-            } else {
-                let gone: Range<usize> = ranges.swap_remove(random(2) % ranges.len());
-                taken[gone.clone()].fill(false);
-                own.give_back(fault(gone));
+    /// Geometries of one and of two entries, of which every second one then takes what another one leaves: all find a range.
+    fn exchange(count: u32) -> (PackedPlaces, Vec<GeometryChange>) {
+        let size = |name: u32| 1 + name as usize / 2 % 2;
+        let all: Vec<_> = (0..count).map(|name| change(name, Some([size(name); SHARED]))).collect();
+        let places = PackedPlaces::default().after(&all).unwrap();
+        let becomes = |name: u32| change(name, Some([3 - size(name); SHARED]));
+        (places, (0..count).step_by(2).map(becomes).collect())
+    }
+
+    /// The places that [`PackedPlaces::after`] has to find, by a look at each free range, and the steps that this takes.
+    fn after_by_scan(was: &PackedPlaces, changes: &[GeometryChange]) -> (PackedPlaces, u64) {
+        let gone: Vec<_> = changes.iter().map(|own| change(own.geometry.0, None)).collect();
+        let (mut own, mut steps) = (was.after(&gone).unwrap(), 0);
+        for change in changes {
+            let Some(sizes) = &change.sizes else { continue };
+            let (mut firsts, counts) = ([0; SHARED], sizes.shared());
+            for array in 0..SHARED {
+                firsts[array] = own.arrays[array].take_by_scan(counts[array], &mut steps);
+                own.used[array] += counts[array];
             }
-            let end = taken.iter().rposition(|taken| *taken).map_or(0, |last| last + 1);
-            if own.end != end {
-                return Err("another end");
-            }
-            taken.truncate(end);
-            let mut holes: Vec<Range<usize>> = vec![];
-            for at in (0..end).filter(|&at| !taken[at]) {
-                match holes.last_mut() {
-                    Some(hole) if hole.end == at => hole.end += 1,
-                    _ => holes.push(at..at + 1),
-                }
-            }
-            if own.holes != holes {
-                return Err("other holes");
-            }
-            most_holes = most_holes.max(holes.len());
+            own.geometries[change.geometry.0 as usize] = Some(Place { firsts, counts });
         }
-        Ok(most_holes)
+        (own, steps)
+    }
+
+    fn most_steps(changes: usize) -> u64 {
+        4 * SHARED as u64 * changes as u64 * u64::from(changes.ilog2() + 1)
+    }
+
+    /// Counted, so that it does not depend on the machine. The scan in place of the tree would take too many.
+    #[test]
+    fn many_that_grow_take_few_steps_each() {
+        let cases = [(growth(400_000), 800_000), (exchange(400_000), 600_000)];
+        for ((places, changes), end) in cases {
+            let mut steps = Steps::new(None, progress(0));
+            let after = places.after_counted(&changes, &mut steps).unwrap();
+            assert_eq!((after.used().nodes, after.ends().nodes), (600_000, end));
+            let most = most_steps(changes.len());
+            assert!(steps.taken() <= most, "{} {most}", steps.taken());
+        }
+        let (places, changes) = growth(8_000);
+        let (scanned, steps) = after_by_scan(&places, &changes);
+        assert!(steps > most_steps(changes.len()), "{steps}");
+        assert_eq!(places.after(&changes).unwrap(), scanned);
     }
 
     #[test]
-    fn ranges_are_those_of_a_model() {
-        let most = (0..50).map(|seed| run(seed, |gone| gone).unwrap()).max();
-        assert!(most.is_some_and(|most| most > 20), "{most:?}");
+    fn places_are_those_of_a_scan() {
+        let mut places = PackedPlaces::default();
+        let mut most_free = 0;
+        for seed in 0..60 {
+            let sizes =
+                |name: u32| [0, 1, 2, 3].map(|i| hash(seed, &[name.into(), i]) as usize % 9);
+            let is_named = |name: &u32| hash(seed, &[u64::from(*name), 4]).is_multiple_of(3);
+            let goes = |name: u32| hash(seed, &[name.into(), 5]).is_multiple_of(4);
+            let changes: Vec<_> = (0..200)
+                .filter(is_named)
+                .map(|name| change(name, (!goes(name)).then(|| sizes(name))))
+                .collect();
+            let (scanned, _) = after_by_scan(&places, &changes);
+            places = places.after(&changes).unwrap();
+            assert_eq!(places, scanned, "{seed}");
+            most_free = most_free.max(places.ends().nodes - places.used().nodes);
+        }
+        assert!(most_free > 50, "{most_free}");
     }
 
+    /// The watch is called between every few steps, and wherever it says so the work ends.
     #[test]
-    fn planted_faults_are_found() {
-        let faults: [fn(Range<usize>) -> Range<usize>; 4] = [
-            |gone| gone.start..gone.start,
-            |gone| gone.start..gone.end.saturating_sub(1).max(gone.start),
-            |gone| gone.start..gone.end + 1,
-            |gone| gone.start + 1..gone.end + 1,
-        ];
-        for (which, fault) in faults.into_iter().enumerate() {
-            assert!((0..50).any(|seed| run(seed, fault).is_err()), "{which}");
+    fn a_watch_ends_it_anywhere() {
+        let (places, changes) = growth(20_000);
+        let mut steps = Steps::new(None, progress(0));
+        places.after_counted(&changes, &mut steps).unwrap();
+        let calls = |most: u64| {
+            let seen = AtomicU64::new(0);
+            let watch = |own: &Progress| {
+                assert_eq!((own.stage, own.done, own.total), (Stage::Geometries, 10_000, 10_000));
+                match seen.fetch_add(1, Relaxed) + 1 < most {
+                    true => ControlFlow::Continue(()),
+                    false => ControlFlow::Break(()),
+                }
+            };
+            let after = places.after_watched(&changes, Some(&watch));
+            (after.map(drop), seen.into_inner())
+        };
+        let (all, most) = calls(u64::MAX);
+        assert_eq!(all, Ok(()));
+        assert_eq!(most, steps.taken() / STEPS);
+        assert!(most >= 10, "{most}");
+        for call in 1..=most {
+            let cancelled = Unpackable::Cancelled { progress: progress(10_000) };
+            assert_eq!(calls(call), (Err(cancelled), call));
         }
     }
 

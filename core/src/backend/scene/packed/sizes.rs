@@ -4,6 +4,7 @@ use super::{MOST_TOP_NODES, PackedInstance, PackedTopNode, SHAPES, ShapeBlock};
 use crate::backend::scene::built::BuiltGeometry;
 use crate::scene::{GeometryId, OpacityMask};
 use crate::tree::node::KdNode;
+use crate::watch::Progress;
 
 /// Arrays that geometries share: nodes, references, triangles, blocks of shapes.
 pub(super) const SHARED: usize = 4;
@@ -30,6 +31,11 @@ pub enum Unpackable {
     },
     /// Something that only the host answers; see [`BuiltScene::host_only`](super::super::BuiltScene::host_only).
     HostOnly(&'static str),
+    /// A watch cancelled the work.
+    Cancelled {
+        /// How far it got.
+        progress: Progress,
+    },
     /// More nodes, references or top nodes than places can be named.
     TooMany {
         /// What there are too many of.
