@@ -36,9 +36,9 @@ pub(super) struct Common {
     /// Threads that share the work; all cores when left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(super) threads: Option<u16>,
-    /// Most bytes a build or an answer of all hits may hold besides the mesh, and those that instances may become which
-    /// a scene file bakes and its .obj files after the first hold; the text of a scene file is not among them and takes
-    /// about twenty times its size; k, M and G stand for powers of 1024
+    /// Most bytes a build or an answer of all hits may hold besides the mesh, and most that are held before that while a
+    /// scene file is read: its text, its entries, instances that it bakes, and .obj files after the first; k, M and G
+    /// stand for powers of 1024
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     pub(super) max_memory: Option<u64>,
     /// Most bytes of a file that is read whole: a scene, a frame of it, rays. Half of the machine's memory

@@ -2,6 +2,7 @@
 //!
 //! For the program and for readers of this crate; no part of the API.
 
+use crate::budget::Budget;
 use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::Path;
@@ -97,6 +98,27 @@ pub fn read(path: &Path, limit: u64) -> Result<Vec<u8>, ReadError> {
 pub fn read_into(path: &Path, limit: u64, bytes: &mut Vec<u8>) -> Result<(), ReadError> {
     let (file, length) = open_regular(path)?;
     fill(file, length, limit, bytes)
+}
+
+/// As [`read_into`], where the bytes count for a budget: a file that is too large is refused by its length, before any of it is read.
+///
+/// # Errors
+/// As [`read`], and [`ReadError::Memory`] where the budget does not suffice.
+pub(crate) fn read_within(
+    path: &Path,
+    limit: u64,
+    bytes: &mut Vec<u8>,
+    budget: &Budget,
+) -> Result<(), ReadError> {
+    let (file, length) = open_regular(path)?;
+    if length > limit {
+        return Err(ReadError::TooLong { limit });
+    }
+    budget.take(length).map_err(|_| ReadError::Memory)?;
+    // A file that grew meanwhile: a list that grows moves, and is there twice.
+    let limit = limit.min(length.saturating_add(budget.left() / 3));
+    fill(file, length, limit, bytes)?;
+    budget.take((bytes.capacity() as u64).saturating_sub(length)).map_err(|_| ReadError::Memory)
 }
 
 /// Reads what may be a pipe or a device too: at most `limit` bytes; without one, as many as is usual,

@@ -6,6 +6,8 @@
 mod angle;
 #[cfg(feature = "animation")]
 pub mod animation;
+#[cfg(feature = "obj")]
+mod budget;
 pub mod builtin;
 mod camera;
 #[cfg(feature = "environment")]

@@ -24,6 +24,7 @@ pub use error::{Element, ObjError, ObjProblem};
 #[cfg(doc)]
 use super::MaterialRule;
 use super::{Scene, SceneOptions};
+use crate::budget::Budget;
 use crate::from_file::{self, ReadError};
 use std::path::Path;
 
@@ -43,11 +44,31 @@ pub fn read(path: &Path) -> Result<Scene, ObjError> {
 /// # Errors
 /// As [`read`].
 pub fn read_with(path: &Path, options: &SceneOptions) -> Result<Scene, ObjError> {
+    read_within(path, options, &Budget::unlimited())
+}
+
+/// As [`read_with`], where the text, while it is there, and what is made of it count for a budget. What .mtl files and textures take has limits of its own.
+///
+/// # Errors
+/// As [`read`]. Where the budget does not suffice, it knows that it refused.
+pub(crate) fn read_within(
+    path: &Path,
+    options: &SceneOptions,
+    budget: &Budget,
+) -> Result<Scene, ObjError> {
     let mut bytes = Vec::new();
-    let (mut scene, libraries) = geometry(path, &mut bytes, Scene::default(), options)?;
+    let (mut scene, libraries) = geometry(path, &mut bytes, Scene::default(), options, budget)?;
+    budget.give(bytes.capacity() as u64);
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let paint_bytes = library::bytes_to_paint(&scene, &libraries, folder);
+    budget.take(paint_bytes).map_err(|full| {
+        let (file, line, problem) = (path.to_owned(), None, full.into());
+        ObjError { file, line, problem }
+    })?;
     // Textures may be large; the text is not needed any more.
     drop(bytes);
     paint(&mut scene, &libraries, path, options);
+    budget.give(paint_bytes);
     Ok(scene)
 }
 
@@ -57,7 +78,8 @@ pub fn read_with(path: &Path, options: &SceneOptions) -> Result<Scene, ObjError>
 /// The text is not OBJ; `name` names the file in the error.
 pub fn parse(text: &str, name: &str) -> Result<Scene, ObjError> {
     let located = |(line, problem)| ObjError { file: name.into(), line, problem };
-    Ok(reader::read(text, name, Scene::default()).map_err(located)?.0)
+    let budget = Budget::unlimited();
+    Ok(reader::read(text, name, Scene::default(), &budget).map_err(located)?.0)
 }
 
 /// Sets the materials of a scene read from `path` as their libraries say.
@@ -66,16 +88,17 @@ pub(super) fn paint(scene: &mut Scene, libraries: &[String], path: &Path, option
 }
 
 /// What an OBJ file says by itself: the scene, its materials not yet coloured, and what follows
-/// every `mtllib`. `bytes` and `memory` are used again.
+/// every `mtllib`. `bytes` and `memory` are used again; both count for the budget.
 pub(super) fn geometry(
     path: &Path,
     bytes: &mut Vec<u8>,
     memory: Scene,
     options: &SceneOptions,
+    budget: &Budget,
 ) -> Result<(Scene, Vec<String>), ObjError> {
     let fail = |problem| ObjError { file: path.to_owned(), line: None, problem };
     let limit = options.file_limit.unwrap_or_else(from_file::usual_limit);
-    from_file::read_into(path, limit, bytes).map_err(|error| {
+    from_file::read_within(path, limit, bytes, budget).map_err(|error| {
         fail(match error {
             // A pipe or a device may never end.
             ReadError::NotAFile if path.is_dir() => ObjProblem::Folder,
@@ -92,5 +115,5 @@ pub(super) fn geometry(
     })?;
     let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
     let located = |(line, problem)| ObjError { file: path.to_owned(), line, problem };
-    reader::read(text, &name, memory).map_err(located)
+    reader::read(text, &name, memory, budget).map_err(located)
 }

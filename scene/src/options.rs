@@ -12,10 +12,13 @@ pub struct SceneOptions {
     pub cutouts: bool,
     /// Whether instances that a scene file bakes become one mesh, which is for rays; else they stay instances.
     pub bake: bool,
-    /// Most bytes that a scene file of many objects may ask for beside its first .obj file and its own text: .obj files after the first (links and copies of
-    /// one too), parts of them that are named again, opacity masks, and what it bakes. Reading the text itself may take about twenty times its size: see `file_limit`.
-    /// A small file can ask for very much; more is an error that names the place with which it is too much. `None` is half of the machine's memory, and
-    /// 16 GiB where that is not known.
+    /// Most bytes that are held while a scene file of many objects is read: its text, its entries, what they become, .obj files after the first (links and copies of
+    /// one too) and their texts, parts of files that are named again, opacity masks, and what it bakes. A small file can ask for very much; more is an error that names the
+    /// place with which it is too much, before memory is taken for it. Lists count by their capacity, and twice while they grow. A string of more than 4,096 bytes counts 32 times
+    /// while the text is read, since an error may quote it.
+    ///
+    /// Not among them are the first .obj file (see `file_limit`), .mtl files (64 MiB each, 256 MiB of one .obj file) and pictures (see `texture_limit` and `decode_limit`), nor
+    /// what the system's allocator adds to each piece of memory; besides, up to 160 KiB are held. `None` is half of the machine's memory, and 16 GiB where that is not known.
     pub memory_limit: Option<u64>,
     /// Most bytes that the texels of all textures together may take, four a texel. Textures are
     /// halved, the largest first, until they fit.

@@ -1,6 +1,7 @@
 //! Frames as .obj files of a folder.
 
 use super::{AnimationError, Change};
+use crate::budget::Budget;
 use crate::{Scene, SceneOptions, obj};
 use std::cmp::Ordering;
 use std::fs;
@@ -51,8 +52,9 @@ impl ObjFolder {
     ) -> Result<Change, AnimationError> {
         let file = &self.files[frame];
         let memory = mem::take(&mut self.spare);
-        let (mut next, libraries) = obj::geometry(file, &mut self.bytes, memory, &self.options)
-            .map_err(|error| AnimationError::Frame { frame, error })?;
+        let (mut next, libraries) =
+            obj::geometry(file, &mut self.bytes, memory, &self.options, &Budget::unlimited())
+                .map_err(|error| AnimationError::Frame { frame, error })?;
         let names =
             |scene: &Scene| scene.materials.iter().map(|m| m.name.clone()).collect::<Vec<_>>();
         let same_materials =

@@ -3,19 +3,22 @@
 //! What a file says is checked as it is read, and an error names file, line, column and field.
 
 mod bake;
-mod budget;
+mod counted;
 mod error;
 mod format;
 mod geometries;
 mod instances;
 mod locate;
+mod size;
+mod words;
 
 pub use error::{SceneFileError, SceneFileProblem};
 
 use super::InstancedScene;
+use crate::budget::{Budget, Full};
 use crate::from_file::{self, ReadError, quoted, quoted_reason};
 use crate::{Camera, Light, Material, SceneOptions};
-use budget::Budget;
+use counted::Counted;
 use geometries::Geometries;
 use locate::Step;
 use std::collections::HashMap;
@@ -43,20 +46,27 @@ pub fn read(path: &Path, options: &SceneOptions) -> Result<InstancedScene, Scene
         problem: Box::new(problem),
     };
     let limit = options.file_limit.unwrap_or_else(from_file::usual_limit);
-    let bytes = from_file::read(path, limit).map_err(|error| {
-        fail(match &error {
-            limit if limit.is_limit() => SceneFileProblem::Limit(limit.to_string()),
-            ReadError::System(system) if system.kind() == std::io::ErrorKind::NotFound => {
+    let (budget, mut bytes) = (budget_of(options), Vec::new());
+    from_file::read_within(path, limit, &mut bytes, &budget).map_err(|error| {
+        fail(match (&error, budget.refused()) {
+            (ReadError::Memory, Some(full)) => full.into(),
+            (limit, _) if limit.is_limit() => SceneFileProblem::Limit(limit.to_string()),
+            (ReadError::System(system), _) if system.kind() == std::io::ErrorKind::NotFound => {
                 SceneFileProblem::Unreadable("there is no such file; check the path".to_owned())
             }
-            error => SceneFileProblem::Unreadable(error.to_string()),
+            (error, _) => SceneFileProblem::Unreadable(error.to_string()),
         })
     })?;
     let text = std::str::from_utf8(&bytes).map_err(|_| fail(SceneFileProblem::NotUtf8))?;
-    parse(text, path, options)
+    parse_within(text, path, options, &budget)
 }
 
-/// Reads the text of a scene file. `path` names it in errors, and files it names are looked for beside it.
+fn budget_of(options: &SceneOptions) -> Budget {
+    Budget::new(options.memory_limit.unwrap_or_else(from_file::usual_limit))
+}
+
+/// Reads the text of a scene file. `path` names it in errors, and files it names are looked for beside it. The text counts for the limit of memory, as it does
+/// where it is read from a file.
 ///
 /// # Errors
 /// As for [`read`].
@@ -65,8 +75,24 @@ pub fn parse(
     path: &Path,
     options: &SceneOptions,
 ) -> Result<InstancedScene, SceneFileError> {
-    let file: format::File = from_json(text, path)?;
-    scene(&file, path, options).map_err(|(field, problem)| SceneFileError {
+    let budget = budget_of(options);
+    budget.take(text.len() as u64).map_err(|full| SceneFileError {
+        file: path.to_owned(),
+        place: None,
+        field: String::new(),
+        problem: Box::new(full.into()),
+    })?;
+    parse_within(text, path, options, &budget)
+}
+
+fn parse_within(
+    text: &str,
+    path: &Path,
+    options: &SceneOptions,
+    budget: &Budget,
+) -> Result<InstancedScene, SceneFileError> {
+    let file = from_json(text, path, budget)?;
+    scene(&file, path, options, budget).map_err(|(field, problem)| SceneFileError {
         file: path.to_owned(),
         place: Some(locate::place(text, &field)),
         field: locate::shown(&field),
@@ -74,29 +100,55 @@ pub fn parse(
     })
 }
 
-fn from_json(text: &str, path: &Path) -> Result<format::File, SceneFileError> {
+/// The fields of a file. What stops it is the first entry that is wrong, or for which there is no memory left.
+fn from_json<'t>(
+    text: &'t str,
+    path: &Path,
+    budget: &Budget,
+) -> Result<format::File<'t>, SceneFileError> {
     let fail = |field: String, error: &serde_json::Error| {
         // Its message ends in the place, which is said once.
         let message = error.to_string();
         let end = message.rfind(" at line ").unwrap_or(message.len());
+        let (mut column, mut problem) =
+            (error.column().max(1), SceneFileProblem::Json(quoted_reason(&message[..end])));
+        if let Some(full) = budget.refused() {
+            // The last byte that was read stands before the entry.
+            (column, problem) = (error.column() + 1, full.into());
+        }
         SceneFileError {
             file: path.to_owned(),
-            place: (error.line() > 0).then_some((error.line(), error.column().max(1))),
+            place: (error.line() > 0).then_some((error.line(), column)),
             field,
-            problem: Box::new(SceneFileProblem::Json(quoted_reason(&message[..end]))),
+            problem: Box::new(problem),
         }
     };
-    let mut reader = serde_json::Deserializer::from_str(text);
-    let file = serde_path_to_error::deserialize(&mut reader).map_err(|error| {
-        let field = error.path().to_string();
+    let words = words::bytes_of_quotes(text);
+    budget.take(words).map_err(|full| SceneFileError {
+        file: path.to_owned(),
+        place: None,
+        field: String::new(),
+        problem: Box::new(full.into()),
+    })?;
+    let (mut reader, mut track) =
+        (serde_json::Deserializer::from_str(text), serde_path_to_error::Track::new());
+    let from = serde_path_to_error::Deserializer::new(&mut reader, &mut track);
+    let file = format::File::read(from, budget).map_err(|error| {
+        let field = track.path().to_string();
         let field = if field == "." { String::new() } else { field };
-        fail(field, error.inner())
+        fail(field, &error)
     })?;
     reader.end().map_err(|error| fail(String::new(), &error))?;
+    budget.give(words);
     Ok(file)
 }
 
-fn scene(file: &format::File, path: &Path, options: &SceneOptions) -> Result<InstancedScene, At> {
+fn scene(
+    file: &format::File<'_>,
+    path: &Path,
+    options: &SceneOptions,
+    budget: &Budget,
+) -> Result<InstancedScene, At> {
     if file.format != "splitplane-scene" || file.version != VERSION {
         let field = if file.version == VERSION { "format" } else { "version" };
         let (format, version) = (quoted(&file.format), file.version);
@@ -113,17 +165,20 @@ fn scene(file: &format::File, path: &Path, options: &SceneOptions) -> Result<Ins
         seconds_per_frame: file.seconds_per_frame.unwrap_or(1.0 / 24.0),
         ..InstancedScene::default()
     };
-    let materials = materials(file, &mut scene)?;
+    let materials = materials(file, &mut scene, budget)?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let mut budget = Budget::new(options.memory_limit.unwrap_or_else(from_file::usual_limit));
     let source = (folder, options);
-    let geometries = Geometries::read(file, &mut scene, &materials, source, &mut budget)?;
-    instances::read(file, &mut scene, &materials, &geometries)?;
+    let geometries = Geometries::read(file, &mut scene, &materials, source, budget)?;
+    instances::read(file, &mut scene, &materials, &geometries, budget)?;
     if options.bake {
-        bake::read(file, &mut scene, &mut budget)?;
+        bake::read(file, &mut scene, budget)?;
     }
     if let Some(environment) = &file.environment {
+        let field = || vec![Step::Field("environment"), Step::Field("file")];
+        let bytes = size::bytes_of_path(folder, &environment.file);
+        budget.take(bytes).map_err(|full| (field(), full.into()))?;
         read_environment(environment, &mut scene, folder, options)?;
+        budget.give(bytes);
     }
     for (index, camera) in file.cameras.iter().enumerate() {
         let fail = |error| (vec![Step::Field("cameras"), Step::Element(index)], error);
@@ -133,6 +188,10 @@ fn scene(file: &format::File, path: &Path, options: &SceneOptions) -> Result<Ins
             Camera::new(camera.eye, camera.at, up, fov).map_err(|error| fail(error.into()))?;
         scene.parts.camera.get_or_insert(own);
     }
+    let lights = &mut scene.parts.lights;
+    budget
+        .grow_exact(lights, file.lights.len())
+        .map_err(|full| (vec![Step::Field("lights")], full.into()))?;
     for (index, light) in file.lights.iter().enumerate() {
         scene.parts.lights.push(match light {
             format::Light::Point(format::PointLight { position, irradiance, distance }) => {
@@ -156,7 +215,7 @@ fn scene(file: &format::File, path: &Path, options: &SceneOptions) -> Result<Ins
 /// The environment map, whose path is relative to the scene file's folder.
 #[cfg(feature = "environment")]
 fn read_environment(
-    own: &format::Environment,
+    own: &format::Environment<'_>,
     scene: &mut InstancedScene,
     folder: &Path,
     options: &SceneOptions,
@@ -168,7 +227,7 @@ fn read_environment(
         decode_limit: options.decode_limit,
         file_limit: options.file_limit,
     };
-    let path = folder.join(&own.file);
+    let path = folder.join(&*own.file);
     let read = environment::read(&path, &options).map_err(|error| {
         let field =
             if own.strength.is_some() && error.is_of_strength() { "strength" } else { "file" };
@@ -181,7 +240,7 @@ fn read_environment(
 
 #[cfg(not(feature = "environment"))]
 fn read_environment(
-    _own: &format::Environment,
+    _own: &format::Environment<'_>,
     _scene: &mut InstancedScene,
     _folder: &Path,
     _options: &SceneOptions,
@@ -192,10 +251,13 @@ fn read_environment(
 
 /// The materials, and their numbers by name.
 fn materials<'a>(
-    file: &'a format::File,
+    file: &'a format::File<'_>,
     scene: &mut InstancedScene,
+    budget: &Budget,
 ) -> Result<HashMap<&'a str, u32>, At> {
-    let mut numbers = HashMap::new();
+    let full = |full: Full| (vec![Step::Field("materials")], full.into());
+    let mut numbers = budget.map(file.materials.len()).map_err(full)?;
+    budget.grow_exact(&mut scene.parts.materials, file.materials.len()).map_err(full)?;
     for (index, own) in file.materials.iter().enumerate() {
         let field = |name| vec![Step::Field("materials"), Step::Element(index), Step::Field(name)];
         let both = own.glass.is_some() && (own.diffuse.is_some() || own.mirror.is_some());
@@ -204,8 +266,9 @@ fn materials<'a>(
                 "a clear body neither scatters nor mirrors: leave `diffuse` and `mirror` out";
             return Err((field("glass"), SceneFileProblem::Wrong(problem)));
         }
+        let name = budget.copied(&own.name).map_err(|full| (field("name"), full.into()))?;
         let usual = if own.mirror.is_some() { [0.0; 3] } else { Material::clay().diffuse };
-        let mut material = Material::new(own.name.clone(), own.diffuse.unwrap_or(usual));
+        let mut material = Material::new(name, own.diffuse.unwrap_or(usual));
         if let Some(mirror) = own.mirror {
             material = material.with_mirror(mirror);
         }
@@ -220,7 +283,7 @@ fn materials<'a>(
             material = material.with_roughness(roughness);
         }
         material = material.with_emission(own.emission.unwrap_or_default());
-        if numbers.insert(own.name.as_str(), index as u32).is_some() {
+        if numbers.insert(&*own.name, index as u32).is_some() {
             let name = quoted(&own.name);
             return Err((field("name"), SceneFileProblem::Twice { what: "material", name }));
         }

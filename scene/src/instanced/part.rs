@@ -32,9 +32,10 @@ impl InstancedScene {
         let parts = &mut self.parts;
         let (vertex, triangle) = (parts.positions.len() as u32, parts.indices.len() as u32);
         let triangles = || runs.iter().cloned().flatten().map(|triangle| triangle as usize);
+        let corners = runs.iter().map(|run| run.len()).sum::<usize>().saturating_mul(3);
         copy(
             (&from.positions, &from.indices),
-            triangles(),
+            (triangles(), corners),
             (&mut parts.positions, &mut parts.indices),
         );
         let material = |triangle: usize| from.material_of[triangle] + first_material;
@@ -42,12 +43,12 @@ impl InstancedScene {
         if !from.normal_indices.is_empty() {
             parts.normal_indices.resize(triangle as usize, [Scene::NONE; 3]);
             let to = (&mut parts.normals, &mut parts.normal_indices);
-            copy((&from.normals, &from.normal_indices), triangles(), to);
+            copy((&from.normals, &from.normal_indices), (triangles(), corners), to);
         }
         if !from.texcoord_indices.is_empty() {
             parts.texcoord_indices.resize(triangle as usize, [Scene::NONE; 3]);
             let to = (&mut parts.texcoords, &mut parts.texcoord_indices);
-            copy((&from.texcoords, &from.texcoord_indices), triangles(), to);
+            copy((&from.texcoords, &from.texcoord_indices), (triangles(), corners), to);
         }
         self.geometries.push(Geometry {
             name: name.to_owned(),
@@ -93,13 +94,13 @@ impl InstancedScene {
     }
 }
 
-/// Copies what triangles name, each value once, in the order in which they name them.
+/// Copies what triangles with so many corners name, each value once, in the order in which they name them.
 fn copy<T: Copy>(
     (values, corners): (&[T], &[[u32; 3]]),
-    triangles: impl Iterator<Item = usize>,
+    (triangles, count): (impl Iterator<Item = usize>, usize),
     (to_values, to_corners): (&mut Vec<T>, &mut Vec<[u32; 3]>),
 ) {
-    let mut places: HashMap<u32, u32> = HashMap::new();
+    let mut places: HashMap<u32, u32> = HashMap::with_capacity(count.min(values.len()));
     for triangle in triangles {
         to_corners.push(corners[triangle].map(|named| {
             let Some(value) = values.get(named as usize) else { return Scene::NONE };
@@ -123,7 +124,11 @@ pub(super) fn copied<T: Copy>(
         return;
     }
     let (mut own, mut named) = (Vec::new(), Vec::new());
-    copy((values, corners), triangles, (&mut own, &mut named));
+    // At once, so that no list is there twice.
+    own.reserve_exact(triangles.len() * 3);
+    named.reserve_exact(triangles.len());
+    let count = triangles.len().saturating_mul(3);
+    copy((values, corners), (triangles, count), (&mut own, &mut named));
     let shift = values.len() as u32;
     values.extend(own.into_iter().map(map));
     let moved = |named: u32| if named == Scene::NONE { named } else { named + shift };

@@ -2,6 +2,7 @@
 
 use super::error::{Element, ObjProblem};
 use crate::Scene;
+use crate::budget::Budget;
 use crate::from_file::quoted_word;
 
 /// A corner of a face: places counted from 0, [`Scene::NONE`] where the file names nothing.
@@ -38,7 +39,12 @@ impl Named {
     }
 
     /// The place that an index of the file names, counted from 0. It may come later in the file.
-    pub(super) fn place(&mut self, line: u64, index: i64) -> Result<u32, ObjProblem> {
+    pub(super) fn place(
+        &mut self,
+        line: u64,
+        index: i64,
+        budget: &Budget,
+    ) -> Result<u32, ObjProblem> {
         let (of, count) = (self.of, self.count as u64);
         if index == 0 {
             return Err(ObjProblem::ZeroIndex(of));
@@ -50,7 +56,7 @@ impl Named {
         }
         let index = index.unsigned_abs();
         if index > count && self.ahead.last().is_none_or(|(last, _)| index > *last) {
-            self.ahead.push((index, line));
+            budget.push(&mut self.ahead, (index, line))?;
         }
         // Too great for 32 bits is past the end of any file that can be read: the end will tell.
         Ok(u32::try_from(index - 1).unwrap_or(u32::MAX))
@@ -84,19 +90,24 @@ impl Default for Elements {
 
 impl Elements {
     /// What a word of a face names.
-    pub(super) fn corner(&mut self, line: u64, word: &str) -> Result<Corner, ObjProblem> {
+    pub(super) fn corner(
+        &mut self,
+        line: u64,
+        word: &str,
+        budget: &Budget,
+    ) -> Result<Corner, ObjProblem> {
         let bad = || ObjProblem::BadCorner(quoted_word(word));
         let number = |part: &str| part.parse::<i64>().map_err(|_| bad());
         let none = Scene::NONE;
         let Some((position, rest)) = word.split_once('/') else {
-            let position = self.positions.place(line, number(word)?)?;
+            let position = self.positions.place(line, number(word)?, budget)?;
             return Ok(Corner { position, texcoord: none, normal: none });
         };
         let (texcoord, normal) = rest.split_once('/').unwrap_or((rest, ""));
-        let position = self.positions.place(line, number(position)?)?;
+        let position = self.positions.place(line, number(position)?, budget)?;
         let optional = |part: &str, named: &mut Named| match part {
             "" => Ok(none),
-            part => named.place(line, number(part)?),
+            part => named.place(line, number(part)?, budget),
         };
         let texcoord = optional(texcoord, &mut self.texcoords)?;
         let normal = optional(normal, &mut self.normals)?;

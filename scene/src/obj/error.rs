@@ -1,5 +1,6 @@
 //! What can be wrong with an OBJ file.
 
+use crate::budget::Full;
 use crate::from_file::quoted_path;
 use std::fmt;
 use std::io;
@@ -158,5 +159,12 @@ impl ObjProblem {
             io::ErrorKind::IsADirectory => ObjProblem::Folder,
             _ => ObjProblem::Unreadable(error.to_string()),
         }
+    }
+}
+
+impl From<Full> for ObjProblem {
+    /// Who sets a limit knows it, and says it.
+    fn from(_: Full) -> ObjProblem {
+        ObjProblem::Memory
     }
 }

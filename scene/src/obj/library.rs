@@ -4,6 +4,7 @@ use super::mtl::{self, Entry};
 use super::named_file::find;
 use super::rule::{self, Odd};
 use super::said::Said;
+use crate::budget::{bytes_of, bytes_of_map};
 use crate::from_file::{self, Identity, ReadError, quoted};
 use crate::{Material, Scene, SceneOptions};
 use std::collections::{HashMap, HashSet};
@@ -61,6 +62,26 @@ pub(super) fn paint(
                 .push(format!("{count} materials {sentence}, the first is `{first}`"));
         }
     }
+}
+
+/// Most bytes that are taken while a scene gets its colours, beside texts of .mtl files and pictures, which have limits of their own: entries, with the folder of each, and lists of names.
+pub(super) fn bytes_to_paint(scene: &Scene, libraries: &[String], folder: &Path) -> u64 {
+    if libraries.is_empty() {
+        return 0;
+    }
+    let letters = |names: u64, name: &String| names.saturating_add(name.len() as u64);
+    let names = scene.materials.iter().map(|own| &own.name).fold(0, letters);
+    let paths = libraries.iter().fold(0, letters);
+    let count = scene.materials.len();
+    // A table that grows is there with its former one, of half the size, and a list with one of as many entries.
+    let table = bytes_of_map::<String, (Entry, PathBuf)>(count);
+    let used = bytes_of_map::<&str, ()>(count);
+    let seen = bytes_of_map::<&str, ()>(libraries.len());
+    let lists = bytes_of::<(Odd, String, Option<u32>)>(count.saturating_mul(3));
+    let folders = (count as u64).saturating_mul(3 * folder.as_os_str().len() as u64 + 64);
+    [table, table / 2, used, used / 2, seen, seen / 2, lists, folders, 4 * names, 8 * paths]
+        .into_iter()
+        .fold(0, u64::saturating_add)
 }
 
 /// What the libraries say of the scene's materials. Each file is read once, by whatever names it goes, in

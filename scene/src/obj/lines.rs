@@ -53,6 +53,23 @@ impl<'a> Iterator for Lines<'a> {
     }
 }
 
+/// Most bytes of a line that is joined from several, blanks between them among these; 0 where none is joined.
+pub(super) fn longest_joined(text: &str) -> u64 {
+    let mut lines = Lines::new(text);
+    let (mut longest, mut length) = (0, 0);
+    while let Some(line) = lines.physical() {
+        let goes_on = line.ends_with('\\');
+        if goes_on || length > 0 {
+            length += line.len() as u64 + 1;
+            longest = longest.max(length);
+        }
+        if !goes_on {
+            length = 0;
+        }
+    }
+    longest
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -67,5 +84,7 @@ mod tests {
         assert_eq!(lines("f 1 \\\n2 \\\r\n 3 # x\nv 1"), want);
         assert_eq!(lines("\u{feff}a\rb"), [(1, "a".to_owned()), (2, "b".to_owned())]);
         assert_eq!(lines("a\\"), [(1, "a".to_owned())]);
+        assert_eq!(longest_joined("f 1 2 3\nv 1\n"), 0);
+        assert_eq!(longest_joined("v 1 2 3 4 5\nf 1\\\n2 \\ # x\n3\nv 1\\\n2"), 5 + 4 + 2);
     }
 }

@@ -2,7 +2,8 @@
 
 use super::corner::{Corner, Elements};
 use super::error::{Element, ObjProblem};
-use super::lines::Lines;
+use super::lines::{self, Lines};
+use crate::budget::Budget;
 use crate::from_file::quoted_word;
 use crate::{Group, Material, Notes, Scene, normals};
 use splitplane_core::mesh::MAX_TRIANGLES;
@@ -15,17 +16,26 @@ const MAX_MATERIALS: usize = 1 << 20;
 pub(super) type Located = (Option<u64>, ObjProblem);
 
 /// The scene, its materials not yet coloured, and what follows every `mtllib`. `memory` is a scene
-/// whose arrays are used again; nothing else of it stays.
-pub(super) fn read(text: &str, name: &str, memory: Scene) -> Result<(Scene, Vec<String>), Located> {
-    let mut reader = Reader::new(name, memory);
+/// whose arrays are used again; nothing else of it stays. What lists take counts for the budget, and is not given back.
+pub(super) fn read(
+    text: &str,
+    name: &str,
+    memory: Scene,
+    budget: &Budget,
+) -> Result<(Scene, Vec<String>), Located> {
+    let mut reader = Reader::new(name, memory, budget);
+    // A list that grows is there twice while it moves.
+    let joined = if budget.is_limited() { 3 * lines::longest_joined(text) } else { 0 };
+    budget.take(joined).map_err(|full| (None, full.into()))?;
     for (line, content) in Lines::new(text) {
         reader.line(line, &content).map_err(|problem| (Some(line), problem))?;
     }
+    budget.give(joined);
     reader.finish()
 }
 
-#[derive(Default)]
-struct Reader {
+struct Reader<'b> {
+    budget: &'b Budget,
     scene: Scene,
     libraries: Vec<String>,
     material_by_name: HashMap<String, u32>,
@@ -38,8 +48,8 @@ struct Reader {
     unknown: (u64, Option<(u64, String)>),
 }
 
-impl Reader {
-    fn new(name: &str, mut scene: Scene) -> Reader {
+impl<'b> Reader<'b> {
+    fn new(name: &str, mut scene: Scene, budget: &'b Budget) -> Reader<'b> {
         scene.name.clear();
         scene.name.push_str(name);
         scene.positions.clear();
@@ -55,7 +65,16 @@ impl Reader {
         scene.groups.clear();
         scene.camera = None;
         scene.notes = Notes::default();
-        Reader { scene, ..Reader::default() }
+        Reader {
+            budget,
+            scene,
+            libraries: Vec::new(),
+            material_by_name: HashMap::new(),
+            material: None,
+            corners: Vec::new(),
+            elements: Elements::default(),
+            unknown: (0, None),
+        }
     }
 
     fn line(&mut self, line: u64, content: &str) -> Result<(), ObjProblem> {
@@ -71,7 +90,10 @@ impl Reader {
             "usemtl" => self.use_material(rest)?,
             // Some programs write it before every face.
             "mtllib" if self.libraries.last().is_some_and(|last| last == rest) => {}
-            "mtllib" => push(&mut self.libraries, rest.to_owned())?,
+            "mtllib" => {
+                let library = self.copied(rest)?;
+                self.budget.push(&mut self.libraries, library)?;
+            }
             "g" | "o" => self.group(keyword == "o", rest)?,
             "p" | "l" => self.scene.notes.skipped_elements += 1,
             "curv" | "curv2" | "surf" => self.scene.notes.skipped_freeform += 1,
@@ -93,27 +115,27 @@ impl Reader {
         if !position.iter().all(|x| x.is_finite()) {
             self.scene.notes.non_finite_vertices += 1;
         }
-        push(&mut self.scene.positions, position)
+        Ok(self.budget.push(&mut self.scene.positions, position)?)
     }
 
     fn texcoord(&mut self, rest: &str) -> Result<(), ObjProblem> {
         // One of one number lies on a line; a third one is depth in a solid texture.
         let texcoord: [f32; 2] = numbers(Element::TextureCoordinate, rest, 1)?;
         self.elements.texcoords.add()?;
-        push(&mut self.scene.texcoords, texcoord)
+        Ok(self.budget.push(&mut self.scene.texcoords, texcoord)?)
     }
 
     fn normal(&mut self, rest: &str) -> Result<(), ObjProblem> {
         let normal: [f32; 3] = numbers(Element::Normal, rest, 3)?;
         self.elements.normals.add()?;
-        push(&mut self.scene.normals, normals::unit(normal.map(f64::from)))
+        Ok(self.budget.push(&mut self.scene.normals, normals::unit(normal.map(f64::from)))?)
     }
 
     fn face(&mut self, line: u64, rest: &str) -> Result<(), ObjProblem> {
         self.corners.clear();
         for word in rest.split_ascii_whitespace() {
-            let corner = self.elements.corner(line, word)?;
-            push(&mut self.corners, corner)?;
+            let corner = self.elements.corner(line, word, self.budget)?;
+            self.budget.push(&mut self.corners, corner)?;
         }
         let [first, others @ ..] = &self.corners[..] else {
             self.scene.notes.skipped_elements += 1;
@@ -133,11 +155,11 @@ impl Reader {
                 *self.material.insert(self.scene.materials.len() as u32 - 1)
             }
         };
-        let scene = &mut self.scene;
+        let (scene, budget) = (&mut self.scene, self.budget);
         let before = scene.indices.len();
         let added = others.len() - 1;
-        room(&mut scene.indices, added)?;
-        room(&mut scene.material_of, added)?;
+        budget.grow(&mut scene.indices, added)?;
+        budget.grow(&mut scene.material_of, added)?;
         for pair in others.windows(2) {
             scene.indices.push([*first, pair[0], pair[1]].map(|corner| corner.position));
             scene.material_of.push(material);
@@ -146,13 +168,13 @@ impl Reader {
         // Most large files have neither: an array begins with the first face that needs it.
         if self.corners.iter().any(|corner| corner.texcoord != Scene::NONE) {
             let missing = before - scene.texcoord_indices.len();
-            room(&mut scene.texcoord_indices, missing + added)?;
+            budget.grow(&mut scene.texcoord_indices, missing + added)?;
             scene.texcoord_indices.resize(before, [Scene::NONE; 3]);
             scene.texcoord_indices.extend(fan().map(|corners| corners.map(|c| c.texcoord)));
         }
         if self.corners.iter().any(|corner| corner.normal != Scene::NONE) {
             let missing = before - scene.normal_indices.len();
-            room(&mut scene.normal_indices, missing + added)?;
+            budget.grow(&mut scene.normal_indices, missing + added)?;
             scene.normal_indices.resize(before, [Scene::NONE; 3]);
             scene.normal_indices.extend(fan().map(|corners| corners.map(|c| c.normal)));
         }
@@ -161,16 +183,22 @@ impl Reader {
 
     fn group(&mut self, is_object: bool, name: &str) -> Result<(), ObjProblem> {
         let first_triangle = self.scene.indices.len() as u32;
+        let called = self.copied(name)?;
         let groups = &mut self.scene.groups;
         // One that no triangle is in was not begun.
         if let Some(last) = groups.last_mut()
             && (last.is_object, last.first_triangle) == (is_object, first_triangle)
         {
-            last.name.clear();
-            last.name.push_str(name);
+            self.budget.give(last.name.len() as u64);
+            last.name = called;
             return Ok(());
         }
-        push(groups, Group { is_object, name: name.to_owned(), first_triangle })
+        Ok(self.budget.push(groups, Group { is_object, name: called, first_triangle })?)
+    }
+
+    fn copied(&self, name: &str) -> Result<String, ObjProblem> {
+        self.budget.take(name.len() as u64)?;
+        Ok(name.to_owned())
     }
 
     fn use_material(&mut self, name: &str) -> Result<(), ObjProblem> {
@@ -182,8 +210,10 @@ impl Reader {
         if next >= MAX_MATERIALS {
             return Err(ObjProblem::TooManyMaterials(MAX_MATERIALS));
         }
-        self.material_by_name.insert(name.to_owned(), next as u32);
-        self.scene.materials.push(Material { name: name.to_owned(), ..Material::clay() });
+        self.budget.grow_map(&mut self.material_by_name)?;
+        let (key, name) = (self.copied(name)?, self.copied(name)?);
+        self.material_by_name.insert(key, next as u32);
+        self.budget.push(&mut self.scene.materials, Material { name, ..Material::clay() })?;
         self.material = Some(next as u32);
         Ok(())
     }
@@ -195,6 +225,12 @@ impl Reader {
         if self.scene.indices.is_empty() {
             return Err((None, ObjProblem::NoTriangles));
         }
+        let triangles = self.scene.indices.len();
+        let Scene { normal_indices, texcoord_indices, .. } = &mut self.scene;
+        for corners in [normal_indices, texcoord_indices] {
+            let missing = if corners.is_empty() { 0 } else { triangles - corners.len() };
+            self.budget.grow(corners, missing).map_err(|full| (None, full.into()))?;
+        }
         normals::leave_out_unusable(&mut self.scene);
         if let (count, Some((line, keyword))) = self.unknown {
             self.scene.notes.warnings.push(format!(
@@ -203,19 +239,6 @@ impl Reader {
         }
         Ok((self.scene, self.libraries))
     }
-}
-
-/// Makes space in a list. A file of many elements takes many times its bytes, so a lack of memory
-/// must be an error, not the end of the program.
-fn room<T>(list: &mut Vec<T>, more: usize) -> Result<(), ObjProblem> {
-    list.try_reserve(more).map_err(|_| ObjProblem::Memory)
-}
-
-/// Adds to a list.
-fn push<T>(list: &mut Vec<T>, value: T) -> Result<(), ObjProblem> {
-    room(list, 1)?;
-    list.push(value);
-    Ok(())
 }
 
 /// The numbers of a line, of which the first `least` must be there; the rest are 0. More may follow:

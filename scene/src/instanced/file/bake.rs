@@ -1,9 +1,13 @@
 //! Instances that a scene file bakes: those of one name become one geometry in the world.
 
-use super::budget::{Budget, THREE, bytes_of_triangle};
 use super::format::File;
 use super::locate::Step;
+use super::size::{
+    bytes_in_world, bytes_of_descriptions, bytes_when_baked, bytes_while_baked, room_for_baked,
+    room_for_geometry,
+};
 use super::{At, SceneFileProblem};
+use crate::budget::{Budget, Full};
 use crate::instanced::part::copied;
 use crate::instanced::{Baked, Geometry, InstancedScene, Placed, Pose};
 use crate::{Scene, normals};
@@ -16,23 +20,33 @@ use std::collections::HashMap;
 const MOST_VERTICES: usize = 3 * MAX_TRIANGLES;
 
 /// Bakes what the file says, within a limit of memory. Geometries and instances keep their places.
-pub(super) fn read(file: &File, scene: &mut InstancedScene, budget: &mut Budget) -> Result<(), At> {
+pub(super) fn read(file: &File<'_>, scene: &mut InstancedScene, budget: &Budget) -> Result<(), At> {
     // In the order of their least instances.
     let mut groups: Vec<(&str, Vec<InstanceId>)> = Vec::new();
     let mut places: HashMap<&str, usize> = HashMap::new();
     for (index, own) in file.instances.iter().enumerate() {
         let Some(name) = own.bake.as_deref() else { continue };
-        let place = *places.entry(name).or_insert_with(|| {
-            groups.push((name, Vec::new()));
-            groups.len() - 1
-        });
-        groups[place].1.push(InstanceId(index as u32));
+        let full = |full: Full| (field(index), full.into());
+        let place = match places.get(name) {
+            Some(&place) => place,
+            None => {
+                budget.grow_map(&mut places).map_err(full)?;
+                budget.push(&mut groups, (name, Vec::new())).map_err(full)?;
+                places.insert(name, groups.len() - 1);
+                groups.len() - 1
+            }
+        };
+        budget.push(&mut groups[place].1, InstanceId(index as u32)).map_err(full)?;
     }
     if groups.is_empty() {
         return Ok(());
     }
     let whole = || vec![Step::Field("instances")];
-    check_size(scene, &groups, budget).map_err(|(index, problem)| (field(index), problem))?;
+    let baked = groups.iter().map(|(_, names)| names.len()).sum();
+    let lists = bytes_of_descriptions(scene, baked, groups.len());
+    budget.take(lists).map_err(|full| (whole(), full.into()))?;
+    let world_bytes =
+        check_size(scene, &groups, budget).map_err(|(index, problem)| (field(index), problem))?;
     let mut chosen: Vec<usize> =
         groups.iter().flat_map(|(_, names)| names).map(|name| name.0 as usize).collect();
     chosen.sort_unstable();
@@ -56,20 +70,23 @@ pub(super) fn read(file: &File, scene: &mut InstancedScene, budget: &mut Budget)
         // What is baked has indices.
         let (positions, indices) = mesh.arrays();
         let indices = indices.unwrap_or_default();
-        let name = file.instances[first.0 as usize].bake.clone().unwrap_or_default();
-        let number = add(scene, name, names, (positions, indices));
+        let name = file.instances[first.0 as usize].bake.as_deref().unwrap_or_default();
+        let number = add(scene, name, names, (positions, indices), budget)
+            .map_err(|problem| (field(first.0 as usize), problem))?;
         let own = &mut scene.instances[first.0 as usize];
         let place = Placed::new(number, Pose::IDENTITY.transform());
         *own = Placed { mask: own.mask, id: own.id, culling: own.culling, ..place };
         baked.instances.extend(names[1..].iter().map(|name| name.0));
     }
     baked.instances.sort_unstable();
+    budget.give(lists.saturating_add(world_bytes));
     if !baked.instances.is_empty() {
         // One geometry without triangles for all that is gone.
         let number = scene.geometries.len() as u32;
         let (vertex, triangle) =
             (scene.parts.positions.len() as u32, scene.parts.indices.len() as u32);
         let (vertices, triangles) = (vertex..vertex, triangle..triangle);
+        room_for_geometry(scene, "", budget).map_err(|problem| (whole(), problem))?;
         scene.geometries.push(Geometry { vertices, triangles, ..Geometry::default() });
         for &instance in &baked.instances {
             scene.instances[instance as usize].geometry = number;
@@ -80,12 +97,14 @@ pub(super) fn read(file: &File, scene: &mut InstancedScene, budget: &mut Budget)
     Ok(())
 }
 
-/// Refuses what would be too large, before any memory is taken for it. The error has the instance with which it becomes so.
+/// Refuses what would be too large, before any memory is taken for it, and makes room in the scene for what is not. The error has the instance with which it becomes too large. Gives the
+/// bytes of what is baked outside of the scene.
 fn check_size(
-    scene: &InstancedScene,
+    scene: &mut InstancedScene,
     groups: &[(&str, Vec<InstanceId>)],
-    budget: &mut Budget,
-) -> Result<(), (usize, SceneFileProblem)> {
+    budget: &Budget,
+) -> Result<u64, (usize, SceneFileProblem)> {
+    let (mut world_bytes, mut scene_bytes, mut last) = (0, 0, 0);
     let (mut triangles, mut vertices) = (scene.parts.indices.len(), scene.parts.positions.len());
     for InstanceId(instance) in groups.iter().flat_map(|(_, names)| names) {
         let index = *instance as usize;
@@ -100,17 +119,15 @@ fn check_size(
                 return Err((index, SceneFileProblem::TooMany { what, most }));
             }
         }
-        budget.take(bytes_of(scene, own)).map_err(|problem| (index, problem))?;
+        let (world, more) = (bytes_in_world(own), bytes_when_baked(&scene.parts, own));
+        budget.take(world.saturating_add(more)).map_err(|full| (index, full.into()))?;
+        (world_bytes, scene_bytes, last) = (world_bytes + world, scene_bytes + more, index);
     }
-    Ok(())
-}
-
-/// Most bytes that an instance of a geometry adds when it is baked: its corners in the described scene and in the one that is read, what its triangles look like, and its
-/// line of the table.
-fn bytes_of(scene: &InstancedScene, own: &Geometry) -> u64 {
-    const LINE: u64 = 12;
-    let triangle = THREE + bytes_of_triangle(&scene.parts);
-    own.vertices.len() as u64 * 2 * THREE + own.triangles.len() as u64 * triangle + LINE
+    budget.give(scene_bytes);
+    let parts = &mut scene.parts;
+    let more = (vertices - parts.positions.len(), triangles - parts.indices.len());
+    room_for_baked(parts, more, budget).map_err(|full| (last, full.into()))?;
+    Ok(world_bytes)
 }
 
 fn field(index: usize) -> Vec<Step> {
@@ -167,10 +184,12 @@ fn matrix(transform: &Transform) -> (DMat3, bool) {
 /// Adds the geometry of a group: its corners in the world, and what its instances' triangles look like.
 fn add(
     scene: &mut InstancedScene,
-    name: String,
+    name: &str,
     group: &[InstanceId],
     (positions, indices): (&[[f32; 3]], &[[u32; 3]]),
-) -> u32 {
+    budget: &Budget,
+) -> Result<u32, SceneFileProblem> {
+    room_for_geometry(scene, name, budget)?;
     let parts = &mut scene.parts;
     let (vertex, triangle) = (parts.positions.len() as u32, parts.indices.len() as u32);
     parts.positions.extend_from_slice(positions);
@@ -187,12 +206,20 @@ fn add(
         let map = |normal: [f32; 3]| {
             normals::unit((across * DVec3::from_array(normal.map(f64::from))).to_array())
         };
+        let meanwhile = bytes_while_baked(parts, own.len());
+        budget.take(meanwhile)?;
         let Scene { normals, normal_indices, texcoords, texcoord_indices, .. } = parts;
         copied(normals, normal_indices, own.clone(), map);
         copied(texcoords, texcoord_indices, own, |texcoord| texcoord);
+        budget.give(meanwhile);
     }
     let (vertices, triangles) =
         (vertex..parts.positions.len() as u32, triangle..parts.indices.len() as u32);
-    scene.geometries.push(Geometry { name, vertices, triangles, ..Geometry::default() });
-    scene.geometries.len() as u32 - 1
+    scene.geometries.push(Geometry {
+        name: name.to_owned(),
+        vertices,
+        triangles,
+        ..Geometry::default()
+    });
+    Ok(scene.geometries.len() as u32 - 1)
 }

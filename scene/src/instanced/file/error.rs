@@ -1,5 +1,6 @@
 //! What can be wrong with a scene file.
 
+use crate::budget::Full;
 use crate::from_file::quoted_path;
 use crate::obj::ObjError;
 use crate::{CameraError, instanced::InstancedError};
@@ -88,13 +89,13 @@ pub enum SceneFileProblem {
         /// The most that are allowed.
         most: usize,
     },
-    /// Parts that are named again, .obj files after the first, opacity masks and baked instances take more memory than is allowed: see
+    /// The text, its entries, what they become, and .obj files after the first take more memory than is allowed: see
     /// [`SceneOptions::memory_limit`](crate::SceneOptions::memory_limit).
     #[error(
-        "repeated parts, further .obj files, opacity masks and baked instances up to here take {needed} bytes, more than the limit of {limit}"
+        "the scene file's text, its entries up to here and further .obj files take {needed} bytes, more than the limit of {limit}"
     )]
     Memory {
-        /// Bytes of all up to here.
+        /// Bytes of all up to here, this entry among them.
         needed: u64,
         /// The limit.
         limit: u64,
@@ -146,5 +147,16 @@ impl SceneFileProblem {
                         | BakeError::Scene(SceneError::OutOfMemory { .. })
                 )
         )
+    }
+}
+
+impl From<Full> for SceneFileProblem {
+    fn from(full: Full) -> SceneFileProblem {
+        match full {
+            Full::Limit { needed, limit } => SceneFileProblem::Memory { needed, limit },
+            Full::System => {
+                SceneFileProblem::Limit("there is not memory enough for what it says".to_owned())
+            }
+        }
     }
 }

@@ -1,46 +1,41 @@
 //! The fields of a scene file, as `docs/scene-file.md` describes them.
 
-use serde::de::Error;
-use serde::{Deserialize, Deserializer};
+use super::counted::{Counted, FieldName, full, object, plain};
+use crate::budget::Budget;
+use serde::Deserialize;
+use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
+use std::borrow::Cow;
+use std::fmt;
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct File {
-    pub(super) format: String,
-    pub(super) version: u32,
-    #[serde(default = "one")]
-    pub(super) frames: u32,
-    #[serde(default, deserialize_with = "positive")]
-    pub(super) seconds_per_frame: Option<f64>,
-    #[serde(default)]
-    pub(super) materials: Vec<Material>,
-    pub(super) geometries: Vec<Geometry>,
-    pub(super) instances: Vec<Instance>,
-    #[serde(default)]
-    pub(super) cameras: Vec<Camera>,
-    #[serde(default)]
-    pub(super) lights: Vec<Light>,
-    pub(super) environment: Option<Environment>,
+/// A name or a path, as the text has it where that is possible. The text stays while its file is there.
+type Text<'t> = Cow<'t, str>;
+
+object! {
+    /// A file.
+    File['t] of 't {
+        format: Text<'t> = Counted::read;
+        version: u32 = plain;
+        frames: u32 = plain, or 1;
+        seconds_per_frame: Option<f64> = positive, or None;
+        materials: Vec<Material<'t>> = Counted::read, or Vec::new();
+        geometries: Vec<Geometry<'t>> = Counted::read;
+        instances: Vec<Instance<'t>> = Counted::read;
+        cameras: Vec<Camera> = Counted::read, or Vec::new();
+        lights: Vec<Light> = Counted::read, or Vec::new();
+        environment: Option<Environment<'t>> = Counted::read, else None;
+    }
 }
 
-fn one() -> u32 {
-    1
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Material {
-    pub(super) name: String,
-    #[serde(default, deserialize_with = "parts")]
-    pub(super) diffuse: Option<[f32; 3]>,
-    #[serde(default, deserialize_with = "parts")]
-    pub(super) mirror: Option<[f32; 3]>,
-    #[serde(default)]
-    pub(super) glass: Option<Glass>,
-    #[serde(default, deserialize_with = "roughness")]
-    pub(super) roughness: Option<f32>,
-    #[serde(default, deserialize_with = "not_negative")]
-    pub(super) emission: Option<[f32; 3]>,
+object! {
+    /// A material.
+    Material['t] of 't {
+        name: Text<'t> = Counted::read;
+        diffuse: Option<[f32; 3]> = parts, or None;
+        mirror: Option<[f32; 3]> = parts, or None;
+        glass: Option<Box<Glass>> = Counted::read, or None;
+        roughness: Option<f32> = up_to_one, or None;
+        emission: Option<[f32; 3]> = not_negative, or None;
+    }
 }
 
 #[derive(Deserialize)]
@@ -48,23 +43,23 @@ pub(super) struct Material {
 pub(super) struct Glass {
     #[serde(deserialize_with = "index")]
     pub(super) index: f32,
-    #[serde(default, deserialize_with = "parts")]
+    #[serde(default, deserialize_with = "light")]
     pub(super) tint: Option<[f32; 3]>,
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Geometry {
-    pub(super) name: String,
-    pub(super) obj: Option<String>,
-    pub(super) group: Option<String>,
-    pub(super) object: Option<String>,
-    #[serde(default, deserialize_with = "points")]
-    pub(super) positions: Option<Vec<[f32; 3]>>,
-    pub(super) triangles: Option<Vec<[u32; 3]>>,
-    pub(super) spheres: Option<Vec<Sphere>>,
-    pub(super) capsules: Option<Vec<Capsule>>,
-    pub(super) material: Option<String>,
+object! {
+    /// A geometry.
+    Geometry['t] of 't {
+        name: Text<'t> = Counted::read;
+        obj: Option<Text<'t>> = Counted::read, else None;
+        group: Option<Text<'t>> = Counted::read, else None;
+        object: Option<Text<'t>> = Counted::read, else None;
+        positions: Option<Vec<[f32; 3]>> = points, or None;
+        triangles: Option<Vec<[u32; 3]>> = Counted::read, else None;
+        spheres: Option<Vec<Sphere>> = Counted::read, else None;
+        capsules: Option<Vec<Capsule>> = Counted::read, else None;
+        material: Option<Text<'t>> = Counted::read, else None;
+    }
 }
 
 #[derive(Deserialize)]
@@ -85,38 +80,31 @@ pub(super) struct Capsule {
     pub(super) radius: f32,
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Instance {
-    pub(super) geometry: String,
-    #[serde(default, deserialize_with = "finite")]
-    pub(super) transform: Option<[f32; 12]>,
-    #[serde(default, deserialize_with = "finite")]
-    pub(super) translate: Option<[f64; 3]>,
-    #[serde(default)]
-    pub(super) rotate: Option<Rotation>,
-    #[serde(default)]
-    pub(super) scale: Option<Scale>,
-    pub(super) mask: Option<u32>,
-    pub(super) id: Option<u32>,
-    #[serde(default)]
-    pub(super) culling: Culling,
-    pub(super) material: Option<String>,
-    #[serde(default)]
-    pub(super) keys: Vec<Key>,
-    pub(super) bake: Option<String>,
+object! {
+    /// An instance.
+    Instance['t] of 't {
+        geometry: Text<'t> = Counted::read;
+        transform: Option<Box<[f32; 12]>> = matrix, or None;
+        translate: Option<[f64; 3]> = finite, or None;
+        rotate: Option<Box<Rotation>> = Counted::read, or None;
+        scale: Option<Scale> = Counted::read, or None;
+        mask: Option<u32> = plain, else None;
+        id: Option<u32> = plain, else None;
+        culling: Culling = plain, or Culling::None;
+        material: Option<Text<'t>> = Counted::read, else None;
+        keys: Vec<Key> = Counted::read, or Vec::new();
+        bake: Option<Text<'t>> = Counted::read, else None;
+    }
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Key {
-    pub(super) frame: u32,
-    #[serde(default, deserialize_with = "finite")]
-    pub(super) translate: Option<[f64; 3]>,
-    #[serde(default)]
-    pub(super) rotate: Option<Rotation>,
-    #[serde(default)]
-    pub(super) scale: Option<Scale>,
+object! {
+    /// A pose in a frame.
+    Key of 't {
+        frame: u32 = plain;
+        translate: Option<[f64; 3]> = finite, or None;
+        rotate: Option<Box<Rotation>> = Counted::read, or None;
+        scale: Option<Scale> = Counted::read, or None;
+    }
 }
 
 #[derive(Clone, Copy, Deserialize)]
@@ -129,11 +117,49 @@ pub(super) struct Rotation {
 }
 
 /// One factor, or one for each axis.
-#[derive(Clone, Copy, Deserialize)]
-#[serde(untagged, expecting = "a scale is a number or three numbers")]
 pub(super) enum Scale {
     Even(f64),
-    ByAxis([f64; 3]),
+    ByAxis(Box<[f64; 3]>),
+}
+
+/// Read here, since what reads an enum without tags keeps all values of a list before it looks at them.
+impl<'de> Counted<'de> for Scale {
+    fn read<D: Deserializer<'de>>(from: D, budget: &Budget) -> Result<Self, D::Error> {
+        const WANTED: &str = "a scale is a number or three numbers";
+        struct Factors<'b>(&'b Budget);
+        impl<'de> Visitor<'de> for Factors<'_> {
+            type Value = Scale;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a number or three numbers")
+            }
+
+            fn visit_f64<E: Error>(self, factor: f64) -> Result<Scale, E> {
+                Ok(Scale::Even(factor))
+            }
+
+            fn visit_u64<E: Error>(self, factor: u64) -> Result<Scale, E> {
+                Ok(Scale::Even(factor as f64))
+            }
+
+            fn visit_i64<E: Error>(self, factor: i64) -> Result<Scale, E> {
+                Ok(Scale::Even(factor as f64))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut factors: A) -> Result<Scale, A::Error> {
+                let mut all = [0.0; 3];
+                for factor in &mut all {
+                    *factor = factors.next_element()?.ok_or_else(|| A::Error::custom(WANTED))?;
+                }
+                if factors.next_element::<f64>()?.is_some() {
+                    return Err(A::Error::custom(WANTED));
+                }
+                self.0.take(size_of_val(&all) as u64).map_err(full)?;
+                Ok(Scale::ByAxis(Box::new(all)))
+            }
+        }
+        from.deserialize_any(Factors(budget))
+    }
 }
 
 #[derive(Clone, Copy, Default, Deserialize)]
@@ -152,9 +178,9 @@ pub(super) struct Camera {
     pub(super) eye: [f32; 3],
     #[serde(deserialize_with = "required")]
     pub(super) at: [f32; 3],
-    #[serde(default, deserialize_with = "finite")]
+    #[serde(default, deserialize_with = "unless_left_out")]
     pub(super) up: Option<[f32; 3]>,
-    #[serde(default, deserialize_with = "finite")]
+    #[serde(default, deserialize_with = "unless_left_out")]
     pub(super) fov_degrees: Option<f32>,
 }
 
@@ -185,15 +211,33 @@ pub(super) struct Sun {
     pub(super) irradiance: [f32; 3],
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-#[cfg_attr(not(feature = "environment"), allow(dead_code, reason = "it is refused"))]
-pub(super) struct Environment {
-    pub(super) file: String,
-    #[serde(default, deserialize_with = "finite")]
-    pub(super) rotation_degrees: Option<f32>,
-    #[serde(default, deserialize_with = "strength")]
-    pub(super) strength: Option<f32>,
+object! {
+    /// An environment map.
+    #[cfg_attr(not(feature = "environment"), allow(dead_code, reason = "it is refused"))]
+    Environment['t] of 't {
+        file: Text<'t> = Counted::read;
+        rotation_degrees: Option<f32> = finite, or None;
+        strength: Option<f32> = factor, or None;
+    }
+}
+
+/// Entries of lists that take nothing beside their own bytes.
+macro_rules! entries {
+    ($($type:ty),*) => {
+        $(impl<'de> Counted<'de> for $type {
+            fn read<D: Deserializer<'de>>(from: D, budget: &Budget) -> Result<Self, D::Error> {
+                plain(from, budget)
+            }
+        })*
+    };
+}
+entries!([u32; 3], Sphere, Capsule, Camera, Light);
+
+/// A point.
+impl<'de> Counted<'de> for [f32; 3] {
+    fn read<D: Deserializer<'de>>(from: D, _: &Budget) -> Result<Self, D::Error> {
+        required(from)
+    }
 }
 
 /// Numbers that fields consist of.
@@ -214,12 +258,6 @@ impl Numbers for f64 {
 }
 
 impl<T: Numbers, const N: usize> Numbers for [T; N] {
-    fn all(&self, is_good: fn(f64) -> bool) -> bool {
-        self.iter().all(|part| part.all(is_good))
-    }
-}
-
-impl<T: Numbers> Numbers for Vec<T> {
     fn all(&self, is_good: fn(f64) -> bool) -> bool {
         self.iter().all(|part| part.all(is_good))
     }
@@ -246,29 +284,55 @@ fn required<'de, D: Deserializer<'de>, T: Numbers + Deserialize<'de>>(
     checked(from, f64::is_finite, "numbers must be finite")
 }
 
-fn finite<'de, D: Deserializer<'de>, T: Numbers + Deserialize<'de>>(
+/// As [`required`], for fields of what is read without a budget.
+fn unless_left_out<'de, D: Deserializer<'de>, T: Numbers + Deserialize<'de>>(
     from: D,
 ) -> Result<Option<T>, D::Error> {
     required(from).map(Some)
 }
 
-fn points<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Vec<[f32; 3]>>, D::Error> {
+fn finite<'de, D: Deserializer<'de>, T: Numbers + Deserialize<'de>>(
+    from: D,
+    _: &Budget,
+) -> Result<Option<T>, D::Error> {
     required(from).map(Some)
 }
 
-fn parts<'de, D: Deserializer<'de>>(from: D) -> Result<Option<[f32; 3]>, D::Error> {
+fn matrix<'de, D: Deserializer<'de>>(
+    from: D,
+    budget: &Budget,
+) -> Result<Option<Box<[f32; 12]>>, D::Error> {
+    budget.take(size_of::<[f32; 12]>() as u64).map_err(full)?;
+    required(from).map(|all| Some(Box::new(all)))
+}
+
+fn points<'de, D: Deserializer<'de>>(
+    from: D,
+    budget: &Budget,
+) -> Result<Option<Vec<[f32; 3]>>, D::Error> {
+    Counted::read(from, budget).map(Some)
+}
+
+fn light<'de, D: Deserializer<'de>>(from: D) -> Result<Option<[f32; 3]>, D::Error> {
     checked(from, |part| (0.0..=1.0).contains(&part), "parts of light are from 0 to 1").map(Some)
 }
 
-fn roughness<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f32>, D::Error> {
+fn parts<'de, D: Deserializer<'de>>(from: D, _: &Budget) -> Result<Option<[f32; 3]>, D::Error> {
+    light(from)
+}
+
+fn up_to_one<'de, D: Deserializer<'de>>(from: D, _: &Budget) -> Result<Option<f32>, D::Error> {
     checked(from, |x| (0.0..=1.0).contains(&x), "a roughness is from 0 to 1").map(Some)
 }
 
-fn strength<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f32>, D::Error> {
+fn factor<'de, D: Deserializer<'de>>(from: D, _: &Budget) -> Result<Option<f32>, D::Error> {
     checked(from, |x| (0.0..=1e12).contains(&x), "a strength is from 0 to 1e12").map(Some)
 }
 
-fn not_negative<'de, D: Deserializer<'de>>(from: D) -> Result<Option<[f32; 3]>, D::Error> {
+fn not_negative<'de, D: Deserializer<'de>>(
+    from: D,
+    _: &Budget,
+) -> Result<Option<[f32; 3]>, D::Error> {
     colour(from).map(Some)
 }
 
@@ -292,6 +356,6 @@ fn index<'de, D: Deserializer<'de>>(from: D) -> Result<f32, D::Error> {
     checked(from, |x| (0.1..=10.0).contains(&x), "refractive indices are from 0.1 to 10")
 }
 
-fn positive<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
+fn positive<'de, D: Deserializer<'de>>(from: D, _: &Budget) -> Result<Option<f64>, D::Error> {
     checked(from, |x| x > 0.0 && x.is_finite(), "a time is finite and more than 0").map(Some)
 }

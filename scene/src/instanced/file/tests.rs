@@ -489,16 +489,187 @@ fn what_would_bake_to_too_much_is_refused_at_once() {
     assert!(text.contains("line 2686, column 29, instances[2683].bake: "), "{text}");
     assert!(text.contains("triangles in all geometries and baked instances together"), "{text}");
     assert_eq!(read_in(&folder, &file(2)).unwrap().triangles(), 200_000);
-    // Nor more bytes than are allowed: an instance takes 100,000 times 28, 72 of corners, and 12.
+    // Nor more bytes than are allowed: an instance takes 100,000 times 28, and what two do not suffice for is named with the third.
     let path = folder.path().join("scene.json");
-    let within = |limit| SceneOptions { memory_limit: Some(limit), ..SceneOptions::default() };
-    let needed = 3 * (100_000 * 28 + 72 + 12);
-    let error = parse(&file(5), &path, &within(needed)).unwrap_err();
+    let within = |text: &str, limit| {
+        parse(text, &path, &SceneOptions { memory_limit: Some(limit), ..SceneOptions::default() })
+    };
+    let least = least_limit(|limit| within(&file(3), limit).is_ok());
+    let error = within(&file(3), least - 1).unwrap_err();
+    assert!(matches!(*error.problem, SceneFileProblem::Memory { limit, .. } if limit == least - 1));
+    assert!(error.to_string().contains("line 5, column 29, instances[2].bake: "), "{error}");
+    let error = within(&file(5), least + 4096).unwrap_err();
     assert!(error.problem.is_limit(), "{error}");
-    let text = error.to_string();
-    assert!(text.contains("line 6, column 29, instances[3].bake: "), "{text}");
-    assert!(parse(&file(3), &path, &within(needed)).is_ok());
-    assert!(parse(&file(3), &path, &within(needed - 1)).is_err());
+    assert!(error.to_string().contains("line 6, column 29, instances[3].bake: "), "{error}");
+}
+
+/// The least limit that suffices.
+fn least_limit(is_enough: impl Fn(u64) -> bool) -> u64 {
+    let (mut less, mut enough) = (0, 1u64 << 32);
+    while enough - less > 1 {
+        let limit = less.midpoint(enough);
+        if is_enough(limit) { enough = limit } else { less = limit }
+    }
+    enough
+}
+
+/// The entry with which there is too much is named where it begins, and how much it would be.
+#[test]
+fn an_entry_without_memory_is_named_with_its_place() {
+    let folder = folder();
+    let entries = ",\n  {\"geometry\": \"one\"}".repeat(99);
+    let text = format!(
+        r#"{{"format": "splitplane-scene", "version": 1,
+"geometries": [{{"name": "one", "positions": [[0,0,0],[1,0,0],[0,1,0]], "triangles": [[0,1,2]]}}],
+"instances": [
+  {{"geometry": "one"}}{entries}]}}"#
+    );
+    let path = folder.path().join("scene.json");
+    // As `docs/scene-file.md` says.
+    #[cfg(target_pointer_width = "64")]
+    assert_eq!(
+        [
+            size_of::<format::Instance<'_>>(),
+            size_of::<crate::instanced::Placed>(),
+            size_of::<format::Key>(),
+            size_of::<format::Geometry<'_>>(),
+            size_of::<format::Material<'_>>(),
+        ],
+        [184, 96, 64, 216, 88]
+    );
+    let mut places = Vec::new();
+    for limit in (0..least_limit(|limit| {
+        let options = SceneOptions { memory_limit: Some(limit), ..SceneOptions::default() };
+        parse(&text, &path, &options).is_ok()
+    }))
+        .step_by(64)
+    {
+        let options = SceneOptions { memory_limit: Some(limit), ..SceneOptions::default() };
+        let error = parse(&text, &path, &options).unwrap_err();
+        let SceneFileProblem::Memory { needed, .. } = *error.problem else { panic!("{error}") };
+        assert!(needed > limit && error.problem.is_limit(), "{error}");
+        places.push((error.field.clone(), error.place, needed));
+        assert!(
+            error.to_string().contains(&format!("{needed} bytes, more than the limit of {limit}"))
+        );
+    }
+    places.dedup();
+    // The text; positions and triangles; instances when their list moves: 4, 8, 16 and so on.
+    assert_eq!((places[0].0.as_str(), places[0].1, places[0].2), ("", None, text.len() as u64));
+    let of = |field: &str| places.iter().find(|own| own.0 == field).map(|own| own.1).unwrap();
+    assert_eq!(of("geometries[0]"), Some((2, 16)));
+    assert_eq!(of("geometries[0].positions[0]"), Some((2, 46)));
+    assert_eq!(of("geometries[0].triangles[0]"), Some((2, 86)));
+    for number in [0, 4, 8, 16, 32, 64] {
+        assert_eq!(of(&format!("instances[{number}]")), Some((4 + number, 3)));
+    }
+    assert_eq!(places.iter().filter(|own| own.0.starts_with("instances[")).count(), 6);
+}
+
+/// A path is there several times while its file is looked for, which counts before it is.
+#[test]
+fn a_path_counts_while_its_file_is_looked_for() {
+    let folder = folder();
+    let long = "x".repeat(4000);
+    let file = |geometry: &str, more: &str| {
+        format!(
+            r#"{{"format": "splitplane-scene", "version": 1{more}, "geometries": [{{"name": "one", {geometry}}}], "instances": [{{"geometry": "one"}}]}}"#
+        )
+    };
+    let triangle = r#""positions": [[0,0,0],[1,0,0],[0,1,0]], "triangles": [[0,1,2]]"#;
+    let mut cases = vec![("geometries[0].obj", file(&format!("\"obj\": \"{long}\""), ""))];
+    if cfg!(feature = "environment") {
+        let more = format!(", \"environment\": {{\"file\": \"{long}\"}}");
+        cases.push(("environment.file", file(triangle, &more)));
+    }
+    for (field, text) in cases {
+        // All but the path fits.
+        let limit = text.len() as u64 + 6 * long.len() as u64;
+        let options = SceneOptions { memory_limit: Some(limit), ..SceneOptions::default() };
+        let error = parse(&text, &folder.path().join("scene.json"), &options).unwrap_err();
+        let is_memory = matches!(*error.problem, SceneFileProblem::Memory { .. });
+        assert!(error.field == field && is_memory, "{error}");
+        let error = read_in(&folder, &text).unwrap_err();
+        assert!(error.field == field && !error.problem.is_limit(), "{error}");
+    }
+}
+
+/// What JSON's reader makes of nesting is an error long before the stack ends, whether it is in a place where something is read or not.
+#[test]
+fn nesting_ends_in_an_error() {
+    let folder = folder();
+    let nested = |depth| "[".repeat(depth) + &"]".repeat(depth);
+    for from in
+        ["[0.7, 0.1, 0.1]", "3,", "\"one\"", "[3, 2, 1]", "[1,0,0,4, 0,1,0,5, 0,0,1,6]", "[0,1,2]"]
+    {
+        let text = GOOD.replacen(from, &nested(1_000_000), 1);
+        assert_ne!(text, GOOD);
+        let error = read_in(&folder, &text).unwrap_err();
+        assert!(matches!(&*error.problem, SceneFileProblem::Json(_)), "{error}");
+    }
+    // Where any value may be, the depth is limited.
+    let read = |depth| serde_json::from_str::<serde_json::Value>(&nested(depth));
+    assert!(read(127).is_ok());
+    assert!(read(128).unwrap_err().to_string().contains("recursion limit"));
+}
+
+/// Objects are read by our own visitors: what a field may be left out for, what it may be, and what is said where it is wrong.
+#[test]
+fn fields_are_read_once_and_by_their_names() {
+    let folder = folder();
+    let cases = [
+        (
+            "\"frames\": 5",
+            "\"frames\": 5, \"frames\": 5",
+            "line 2, column ",
+            "duplicate field `frames`",
+        ),
+        ("\"mask\": 3", "\"mask\": 3, \"mask\": 3", "instances[0]: ", "duplicate field `mask`"),
+        ("{\"frame\": 1,", "{", "instances[3].keys[0]: ", "missing field `frame`"),
+        ("{\"name\": \"lamp\", ", "{", "materials[2]: ", "missing field `name`"),
+        ("\"scale\": 2}", "\"scale\": [1, 2, 3, 4]}", "instances[2].scale: ", "a number or three"),
+        ("\"scale\": 2}", "\"scale\": [1, 2]}", "instances[2].scale: ", "a number or three"),
+        ("\"scale\": 2}", "\"scale\": {}}", "instances[2].scale: ", "a number or three"),
+        (
+            "{\"geometry\": \"one\", \"tr",
+            "[\"one\"], {\"geometry\": \"one\", \"tr",
+            "instances[0]: ",
+            "missing field",
+        ),
+        (
+            "[1, 2, 3], \"scale\"",
+            "null, \"scale\"",
+            "instances[1].translate: ",
+            "invalid type: null",
+        ),
+        ("[0,0,0],[1,0,0]", "[0,0,0],[1,1e300,0]", "geometries[0].positions[1]: ", "finite"),
+        (
+            "\"geometries\": [",
+            "\"geometries\": {\"a\": 1}, \"lamps\": [",
+            "geometries: ",
+            "a sequence",
+        ),
+    ];
+    for (from, to, place, words) in cases {
+        let text = GOOD.replacen(from, to, 1);
+        assert_ne!(text, GOOD, "{from}");
+        let error = read_in(&folder, &text).expect_err(to).to_string();
+        assert!(error.contains(place) && error.contains(words), "{to}: {error}");
+    }
+    // Null is as nothing where that was so, whole numbers are factors, and escapes are read.
+    let same = [
+        ("\"material\": \"red\"", "\"material\": \"r\\u0065d\""),
+        ("\"scale\": 2}", "\"scale\": [2, 2.0, 2e0]}"),
+        ("\"culling\": \"back\"", "\"culling\": \"back\", \"bake\": null, \"scale\": null"),
+        ("\"lights\"", "\"environment\": null, \"lights\""),
+        ("\"scale\": [2, 2, -2]", "\"scale\": [2e0, 2.0, -2]"),
+    ];
+    let wanted = read_in(&folder, GOOD).unwrap();
+    for (from, to) in same {
+        let text = GOOD.replacen(from, to, 1);
+        assert_ne!(text, GOOD, "{from}");
+        assert_eq!(read_in(&folder, &text).unwrap(), wanted, "{to}");
+    }
 }
 
 /// One .obj file by two hundred paths is read once: otherwise a small file would ask for two hundred times what it has.
@@ -606,12 +777,33 @@ fn links_and_copies_of_an_obj_file_are_within_the_limit() {
         let options = SceneOptions { memory_limit: Some(limit), ..SceneOptions::default() };
         parse(&file, &place("scene.json"), &options)
     };
-    // 3,000 vertices of 12 bytes, one triangle of 16: the first file is what it is.
-    let one = 3000 * 12 + 16;
-    assert!(read(2 * one).is_ok());
-    for (limit, line, needed) in [(2 * one - 1, 4, 2 * one), (one - 1, 3, one)] {
+    // Of each further file its text, while it is read, 3,000 vertices of 12 bytes, and one triangle of 16. The first file is what it is.
+    let (one, least) = (3000 * 12 + 16, least_limit(|limit| read(limit).is_ok()));
+    assert!(least > 2 * one + text.len() as u64, "{least}");
+    for (limit, line) in [(least - 1, 4), (one, 3)] {
         let error = read(limit).unwrap_err();
-        assert_eq!(error.place, Some((line, 19)), "{error}");
-        assert_eq!(*error.problem, SceneFileProblem::Memory { needed, limit });
+        assert_eq!(
+            (error.place, error.field.as_str()),
+            (Some((line, 19)), ["geometries[1].obj", "geometries[2].obj"][line - 3]),
+            "{error}"
+        );
+        let SceneFileProblem::Memory { needed, limit: named } = *error.problem else {
+            panic!("{error}")
+        };
+        assert!(needed > limit && named == limit, "{error}");
     }
+    // One that its size alone makes too large is not read.
+    let large = std::fs::File::create(place("2.obj")).unwrap();
+    large.set_len(4 << 30).unwrap();
+    let options = SceneOptions {
+        memory_limit: Some(1 << 20),
+        file_limit: Some(u64::MAX),
+        ..SceneOptions::default()
+    };
+    let error = parse(&file, &place("scene.json"), &options).unwrap_err();
+    assert_eq!(error.field, "geometries[2].obj");
+    assert!(
+        matches!(*error.problem, SceneFileProblem::Memory { needed, .. } if needed > 4 << 30),
+        "{error}"
+    );
 }
