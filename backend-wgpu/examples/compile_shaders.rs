@@ -5,6 +5,8 @@
 //! cargo run --release -p splitplane-wgpu --example compile_shaders -- ADAPTER KEY [REPORT.json] [NAME...]
 //! ```
 //!
+//! Shaders whose rays may keep their stacks in the memory of the workgroup are compiled so too, as `NAME.workgroup`.
+//!
 //! ADAPTER is part of its name, KEY what the report calls the driver (`swiftshader`), NAME part of a shader's name; without one, all.
 //! Each shader is compiled in a process of its own, which can be ended, and whose greatest memory is that of this shader. On Linux
 //! only: elsewhere no system says what a process took. Exit code 1 where a shader does not compile, or takes more than 5 s or 1 GiB.
@@ -17,14 +19,16 @@ use std::time::Duration;
 
 use splitplane_shaders::{
     CHECKS, COMPRESS, KERNEL_RETRIES, KERNELS, NEAR, POINT_BUILD, POINTS, QUERIES, RENDER,
-    RENDER_COMPRESSED, RENDER_RETRIES, RENDER_SETTLES, find, join,
+    RENDER_COMPRESSED, RENDER_RETRIES, RENDER_SETTLES, find, join, with_workgroup_stacks,
 };
-use splitplane_wgpu::{Gpu, OpenOptions};
+use splitplane_wgpu::{Gpu, OpenOptions, RayStack};
 
 /// What a shader may take: seconds, and MiB.
 const MOST: [f64; 2] = [5.0, 1024.0];
 /// The first argument of a child.
 const ONE: &str = "--one";
+/// Behind the name of a shader: with the stacks of rays in the memory of the workgroup.
+const WORKGROUP: &str = ".workgroup";
 /// A driver that takes more is ended.
 const LIMIT: Duration = Duration::from_secs(60);
 
@@ -47,12 +51,17 @@ fn main() -> ExitCode {
 
 /// Compiles one shader, and writes what that took.
 fn one(adapter: &str, shader: &str) -> Result<(), Box<dyn Error>> {
+    let (shader, ray_stack) = match shader.strip_suffix(WORKGROUP) {
+        Some(shader) => (shader, Some(RayStack::Workgroup)),
+        None => (shader, Some(RayStack::Private)),
+    };
     let shader = find(shader).ok_or("no such shader")?;
     let options = OpenOptions {
         adapter: Some(adapter.into()),
         default_limits: true,
         driver_time: Some(LIMIT),
         driver_memory: Some(u64::MAX),
+        ray_stack,
         ..OpenOptions::default()
     };
     let gpu = Gpu::open(&options)?;
@@ -99,11 +108,17 @@ fn all(adapter: &str, key: &str, rest: &[String]) -> Result<bool, Box<dyn Error>
         CHECKS,
     ];
     let asked = |name: &str| names.is_empty() || names.iter().any(|part| name.contains(&part[..]));
-    let shaders = tables.into_iter().flatten().map(|shader| shader.name).filter(|name| asked(name));
+    let shaders = tables.into_iter().flatten().flat_map(|shader| {
+        let own = Cow::Borrowed(shader.parts);
+        let other = (with_workgroup_stacks(own) != shader.parts).then_some(WORKGROUP);
+        let endings = std::iter::once("").chain(other);
+        endings.map(|ending| format!("{}{ending}", shader.name))
+    });
+    let shaders = shaders.filter(|name| asked(name));
     let (mut lines, mut fine, mut worst) = (Vec::new(), true, [0.0f64; 2]);
     for name in shaders {
         let child = Command::new(std::env::current_exe()?)
-            .args([ONE, adapter, name])
+            .args([ONE, adapter, &name])
             .stderr(Stdio::piped())
             .output()?;
         let said = String::from_utf8_lossy(&child.stdout);

@@ -29,7 +29,7 @@ fn gpu() -> Gpu {
 
 fn queries() -> Arc<Queries> {
     static QUERIES: OnceLock<Arc<Queries>> = OnceLock::new();
-    QUERIES.get_or_init(|| new_queries()).clone()
+    QUERIES.get_or_init(new_queries).clone()
 }
 
 fn new_queries() -> Arc<Queries> {
