@@ -91,7 +91,7 @@ fn what_a_driver_does_not_finish_is_told() {
     let scene = scenes::soup(3000, 0.05, 8);
     for config in [BuildConfig::default(), Preset::Balanced.config()] {
         let built = backend.build_on_device(&scene.mesh(), &config.into());
-        let error = built.err().expect("a build that was cut off");
+        let error = built.expect_err("a build that was cut off");
         assert!(format!("{error:?}").contains("Unfinished"), "{error:?}");
     }
 }
