@@ -407,7 +407,8 @@ impl WgpuBackend {
     }
 
     /// As [`SceneAccelerator::update_by`] of a scene of this backend's, without blocking while the device builds geometries. What the device refuses when
-    /// the scene is sent to it is an error too, and the scene then needs another update.
+    /// the scene is sent to it is an error too, and the scene then needs another update. Outside of a browser it blocks until the device has freed the old buffers
+    /// where a limit of memory has no place for old and new ones side by side.
     ///
     /// A future that is dropped while geometries are built leaves the scene as it was. One that is dropped later, before the device has told whether it took what was sent, leaves the
     /// new scene to the CPU ([`SceneAccelerator::placed_by_cpu`] says so) until the next update has sent everything.

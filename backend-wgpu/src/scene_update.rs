@@ -206,6 +206,7 @@ impl PendingSceneUpdate {
     }
 
     /// As [`PendingSceneUpdate::finish`] of a scene of this backend's, and waits, without blocking, until it is known what the device refused when the scene was sent to it.
+    /// Outside of a browser it blocks where [`PendingSceneUpdate::finish`] waits for old buffers, within a limit of memory that has no place for both.
     ///
     /// # Errors
     /// As for [`PendingSceneUpdate::finish`]: the scene is then what it was. What the device refused is an error too. The update is then in place on the host,

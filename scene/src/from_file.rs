@@ -116,8 +116,11 @@ pub(crate) fn read_within(
     }
     budget.take(length).map_err(|_| ReadError::Memory)?;
     // A file that grew meanwhile: a list that grows moves, and is there twice.
-    let limit = limit.min(length.saturating_add(budget.left() / 3));
-    fill(file, length, limit, bytes)?;
+    let fits = length.saturating_add(budget.left() / 3);
+    fill(file, length, limit.min(fits), bytes).map_err(|error| match error {
+        ReadError::TooLong { .. } if fits < limit => ReadError::Memory,
+        error => error,
+    })?;
     budget.take((bytes.capacity() as u64).saturating_sub(length)).map_err(|_| ReadError::Memory)
 }
 

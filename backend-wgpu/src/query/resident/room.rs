@@ -90,7 +90,8 @@ impl Room {
             let besides = (becoming.held + gone).saturating_add(replaced(there, &kept));
             exceeded(gpu, &bytes, besides, options.max_memory)
         };
-        gone.decide(gpu, |gone| ways.iter().position(|&way| refusal(way, gone).is_none()));
+        gone.decide(gpu, |gone| ways.iter().position(|&way| refusal(way, gone).is_none()))
+            .map_err(failed)?;
         let mut outcome = Ok(String::new());
         for &way in ways {
             if let Some(reason) = refusal(way, gone.bytes()) {
@@ -110,7 +111,10 @@ impl Room {
             }
         }
         match outcome {
-            Ok(_) if held.is_some() => Ok(Reserved::Afterwards),
+            // Without the old buffers beside them they may fit, unless it is the device that does not bind them.
+            Ok(_) if held.is_some() && exceeded(gpu, &all, 0, None).is_none() => {
+                Ok(Reserved::Afterwards)
+            }
             Ok(reason) => Ok(Reserved::Refused(reason)),
             Err(error) => Err(failed(error)),
         }
@@ -148,7 +152,11 @@ impl Room {
         };
         let all_ways = [reserved, staying, all];
         let found = |gone| all_ways.into_iter().find(|bytes| fits(bytes, gone));
-        let Some(bytes) = gone.decide(gpu, found) else {
+        let found = match gone.decide(gpu, found) {
+            Ok(found) => found,
+            Err(error) => return Reserved::Refused(error.to_string()),
+        };
+        let Some(bytes) = found else {
             let held = held + gone.bytes();
             return match (old, exceeded(gpu, &all, held, max_memory)) {
                 (None, Some(reason)) => Reserved::Refused(reason),

@@ -280,8 +280,8 @@ impl SceneAccelerator for WgpuScene {
                 if let Ok(old) = std::mem::replace(held, Err(String::new())) {
                     gone.add(&old.buffers, None);
                 }
-                gone.wait(gpu);
-                Room::alone(gpu, &sizes, bytes + gone.bytes(), limit)
+                let waited = gone.wait(gpu).map_err(|error| error.to_string());
+                waited.and_then(|()| Room::alone(gpu, &sizes, bytes + gone.bytes(), limit))
             }
         };
         let sent = room.and_then(|room| {

@@ -130,6 +130,7 @@ fn note(
     notes.unusable_normals += more.unusable_normals;
     notes.unusable_texcoords += more.unusable_texcoords;
     notes.textures_over_limit += more.textures_over_limit;
+    budget.take(more.warnings.iter().map(|said| said.capacity() as u64).sum())?;
     budget.grow(&mut notes.warnings, more.warnings.len())?;
     notes.warnings.append(&mut more.warnings);
     Ok(())
