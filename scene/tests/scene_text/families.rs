@@ -16,6 +16,8 @@ pub(crate) struct Family {
 
 /// How many entries there are.
 const MANY: usize = 6_000;
+/// Files of which each is worth many warnings.
+const SAID: usize = 60;
 /// Entries of a list that are small.
 const MORE: usize = 40_000;
 const TRIANGLE: &str =
@@ -87,6 +89,17 @@ pub(crate) fn files(folder: &Path) {
     let entry = |number: usize| format!("newmtl a{number}\nKd 1 0 0\nillum 4\nd 0.5\n");
     let entries: String = (0..MANY / 2).map(entry).collect();
     fs::write(folder.join("many.mtl"), entries).unwrap();
+    // Files that there is much to say about: textures with options, of materials with long names, in several libraries.
+    let libraries: Vec<String> = (0..6).map(|library| format!("said{library}.mtl")).collect();
+    for library in &libraries {
+        let option =
+            |number: usize| format!("newmtl {}{number}\nmap_Kd -s 2 2 leaf.png\n", "y".repeat(150));
+        fs::write(folder.join(library), (0..18).map(option).collect::<String>()).unwrap();
+    }
+    for number in 0..SAID {
+        let text = format!("mtllib {}\n{corners}f 1 2 3\n", libraries.join(" "));
+        fs::write(folder.join(format!("said{number}.obj")), text).unwrap();
+    }
     // One line, joined from very many.
     fs::write(folder.join("joined.obj"), format!("{corners}f 1{} 2 3\n", " \\\n".repeat(100_000)))
         .unwrap();
@@ -176,6 +189,10 @@ pub(crate) fn good() -> Vec<Family> {
     let paths = |number: usize| {
         format!(r#"{{"name":"g{number}","obj":"{}first.obj"}}"#, "./".repeat(number % 100))
     };
+    let said = |number: usize| match number {
+        0 => r#"{"name":"g0","obj":"first.obj"}"#.to_owned(),
+        _ => format!(r#"{{"name":"g{number}","obj":"said{}.obj"}}"#, number - 1),
+    };
     let groups = |number: usize| match number {
         0 => r#"{"name":"g0","obj":"first.obj"}"#.to_owned(),
         _ => format!(r#"{{"name":"g{number}","obj":"groups.obj","group":"a{number}"}}"#),
@@ -239,6 +256,7 @@ pub(crate) fn good() -> Vec<Family> {
         family("joined lines", file(&other("joined"), g0, red)),
         family("baked parts of .obj files", file(&other("second"), &list(60, baked_parts), red)),
         family("groups", file(&list(600, groups), g0, "")),
+        family("much to say", file(&list(SAID + 1, said), g0, "")),
     ]
 }
 

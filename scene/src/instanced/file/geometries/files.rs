@@ -130,8 +130,10 @@ fn note(
     notes.unusable_normals += more.unusable_normals;
     notes.unusable_texcoords += more.unusable_texcoords;
     notes.textures_over_limit += more.textures_over_limit;
-    budget.take(more.warnings.iter().map(|said| said.capacity() as u64).sum())?;
-    budget.grow(&mut notes.warnings, more.warnings.len())?;
-    notes.warnings.append(&mut more.warnings);
+    // The list goes, what is in it stays.
+    let warnings = std::mem::take(&mut more.warnings);
+    budget.take(warnings.iter().map(|said| said.capacity() as u64).sum())?;
+    budget.grow(&mut notes.warnings, warnings.len())?;
+    notes.warnings.extend(warnings);
     Ok(())
 }
