@@ -10,12 +10,13 @@ const NO_SCENES: &str = "#[cfg_attr(no_scenes, ignore = \
                          \"no scenes folder; set SPLITPLANE_SCENES\")]";
 
 /// Tests that open no device of this machine, by file.
-const WITHOUT_DEVICE: [(&str, &[&str]); 6] = [
+const WITHOUT_DEVICE: [(&str, &[&str]); 7] = [
     ("ignored", &["tests_that_need_a_device_are_marked", "tests_of_real_scenes_are_marked"]),
     ("hits", &["rays_have_no_memory_of_workgroups"]),
     ("selftest", &["the_small_tree_is_the_cpus"]),
     ("point_build", &["the_schedule_makes_the_trees_of_the_serial_builder"]),
     // On wgpu's `noop` device, as those of the next file.
+    ("ray_stacks", &["lean_kernels_have_their_stack_in_the_memory_of_the_workgroup"]),
     (
         "driver",
         &[
