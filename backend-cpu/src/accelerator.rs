@@ -8,10 +8,10 @@ mod task_bytes;
 mod windings;
 
 use core::any::Any;
+use core::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::collections::TryReserveError;
 use std::time::Duration;
 
-use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::{Accelerator, QueryLayout};
 use splitplane_core::error::{BuildError, QueryError, refused};
@@ -34,6 +34,7 @@ use crate::layout::limits;
 use crate::layout::scratch::{LayoutScratch, LayoutSource};
 use crate::layout::tree_layout::TreeLayout;
 use crate::memory::Memory;
+use crate::parallel::{Parallel, ParallelSlice};
 use crate::simd::InstructionSet;
 use crate::span;
 use crate::trace::batch::{Answers, RayBatch};
@@ -182,12 +183,13 @@ impl CpuAccelerator {
         let usual =
             options.accuracy == Accuracy::Watertight && layout.layout() == QueryLayout::Fast;
         // How slow rays are shows only as they are traced.
-        let at_first = if meter.is_watched() { FIRST } else { TASK };
-        let answer_task = |count: &mut usize, task: usize, answers: &mut [T]| {
+        let count = AtomicUsize::new(if meter.is_watched() { FIRST } else { TASK });
+        let answer_task = |(task, answers): (usize, &mut [T])| {
             let rays = rays.part(task * TASK..task * TASK + answers.len());
             let mut next = 0;
             while next < rays.len() && !meter.is_cancelled() {
-                let some = next..rays.len().min(next + *count);
+                let few = count.load(Relaxed);
+                let some = next..rays.len().min(next + few);
                 let stopwatch = meter.is_watched().then(Stopwatch::start);
                 let rays = rays.part(some.clone());
                 let batch = RayBatch { layout, scene, rays, options, query: T::QUERY };
@@ -201,8 +203,10 @@ impl CpuAccelerator {
                     unsafe { self.set.run(Stream { batch, answers }) }?;
                 }
                 match stopwatch.and_then(|stopwatch| stopwatch.elapsed()) {
-                    Some(took) if took > TOO_LONG => *count = (*count / 2).max(1),
-                    Some(took) if took < TOO_LONG / 2 => *count = (*count * 2).min(TASK),
+                    Some(took) if took > TOO_LONG => count.store((few / 2).max(1), Relaxed),
+                    Some(took) if took < TOO_LONG / 2 => {
+                        count.store((few * 2).min(TASK), Relaxed);
+                    }
                     _ => {}
                 }
                 meter.advance(some.len() as u64);
@@ -213,13 +217,9 @@ impl CpuAccelerator {
         };
         // One task is done where it is asked for: to wake another thread takes as long as many rays.
         let done = if answers.len() <= TASK {
-            answer_task(&mut { at_first }, 0, answers)
+            answer_task((0, answers))
         } else {
-            let tasks = answers.par_chunks_mut(TASK).enumerate();
-            tasks.try_for_each_init(
-                || at_first,
-                |count, (task, answers)| answer_task(count, task, answers),
-            )
+            answers.par_chunks_mut(TASK).enumerate().try_for_each(answer_task)
         };
         // An estimate for the stacks of a thread.
         done.map_err(|_| refused((2 * layout.wide.stack() * size_of::<u32>()) as u64))?;
@@ -261,11 +261,12 @@ fn scene_scale(
     meter: &ProgressMeter<'_>,
 ) -> SceneScale {
     let _loop = span::pieces_of(1);
-    let limits = triangles.par_chunks(4096).map(|chunk| {
+    let of_chunk = |chunk: &[Triangle]| {
         let _piece = span::piece();
         if meter.record_work(chunk.len() as u64) { Limits::NONE } else { limits::of(set, chunk) }
-    });
-    SceneScale::new(bounds, &limits.reduce(|| Limits::NONE, Limits::union))
+    };
+    let join = |all: &mut Limits, some| *all = all.union(some);
+    SceneScale::new(bounds, &triangles.par_chunks(4096).reduce(Limits::NONE, of_chunk, join))
 }
 
 fn check(rays: usize, results: usize) -> Result<(), QueryError> {

@@ -2,7 +2,6 @@
 
 use std::sync::Mutex;
 
-use rayon::prelude::*;
 use splitplane_core::backend::scene::SceneAccelerator;
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions};
 use splitplane_core::error::BuildError;
@@ -20,6 +19,7 @@ use crate::build::{self, BuildScratch, Finished, Lists};
 use crate::cancel::{ProgressMeter, UNWATCHED};
 use crate::layout::scratch::{LayoutScratch, LayoutSource};
 use crate::memory::{Memory, boxed, extend};
+use crate::parallel::{Parallel, ParallelSlice};
 use crate::scene::CpuScene;
 use crate::simd::InstructionSet;
 
@@ -323,7 +323,7 @@ impl Backend for CpuBackend {
         memory.take(tree_bytes(&tree.view()))?;
         let mut triangles: Vec<Triangle> = Vec::new();
         memory.grow_watched(&mut triangles, mesh.len(), meter)?;
-        let pieces = triangles.par_chunks_mut(PIECE).enumerate().map(|(piece, triangles)| {
+        let of_piece = |(piece, triangles): (usize, &mut [Triangle])| {
             let mut counts = [0; 2];
             if meter.record_work(triangles.len() as u64) {
                 return counts;
@@ -336,9 +336,11 @@ impl Backend for CpuBackend {
             }
             meter.advance(triangles.len() as u64);
             counts
+        };
+        let pieces = triangles.par_chunks_mut(PIECE).enumerate();
+        let [dropped, snapped] = pieces.reduce([0; 2], of_piece, |all: &mut [u32; 2], some| {
+            *all = [all[0] + some[0], all[1] + some[1]];
         });
-        let [dropped, snapped] =
-            pieces.reduce(|| [0; 2], |one, other| [one[0] + other[0], one[1] + other[1]]);
         meter.finish_stage();
         meter.check()?;
         let mut summary = BuildSummary::default();

@@ -11,6 +11,7 @@ pub mod clock;
 mod layout;
 mod memory;
 mod near;
+mod parallel;
 mod points;
 mod scene;
 mod simd;

@@ -3,7 +3,6 @@
 use std::cell::RefCell;
 use std::ops::ControlFlow;
 
-use rayon::prelude::*;
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::backend::scene::{
     Block, BlockScratch, BuildGeometry, BuiltScene, SceneAccelerator, SceneAllHits,
@@ -20,7 +19,8 @@ use splitplane_core::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, Sce
 use splitplane_core::watch::{Progress, Stage, Watch};
 
 use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
-use crate::near::in_order::{Parts, answer_in_order};
+use crate::near::in_order::{Division, answer_in_order};
+use crate::parallel::{Parallel, ParallelSlice};
 use crate::simd::InstructionSet;
 
 mod batch;
@@ -98,7 +98,7 @@ impl CpuScene {
         meter.begin_stage(Stage::Rays, rays.len() as u64);
         let size = if meter.is_watched() { WATCHED_BLOCK } else { BLOCK };
         let blocks = rays.par_chunks(size).zip(answers.par_chunks_mut(size));
-        let followed = blocks.map(|(rays, answers)| {
+        let of_block = |(rays, answers): (&[Ray], &mut [T])| {
             meter.check_batch()?;
             let scene = &self.built;
             let batch = SceneBatch { scene, geometries, rays, answers, options };
@@ -108,9 +108,11 @@ impl CpuScene {
             meter.advance(rays.len() as u64);
             meter.record_work(WORK_BETWEEN_CHECKS);
             Ok::<_, QueryError>([work.entered, work.rejected])
-        });
-        let [entered, rejected] = followed
-            .try_reduce(|| [0; 2], |one, other| Ok([one[0] + other[0], one[1] + other[1]]))?;
+        };
+        let [entered, rejected] = blocks.try_reduce([0; 2], of_block, |all, some| {
+            *all = [all[0] + some[0], all[1] + some[1]];
+            Ok(())
+        })?;
         meter.finish_stage();
         meter.check_batch()?;
         let mut report = SceneReport::default();
@@ -138,7 +140,7 @@ impl CpuScene {
         meter.begin_stage(Stage::Rays, rays.len() as u64);
         let size = if meter.is_watched() { WATCHED_BLOCK } else { BLOCK };
         let blocks = rays.par_chunks(size).zip(answers.par_chunks_mut(size));
-        let report = blocks.try_fold(SceneReport::default, |mut report, (rays, answers)| {
+        let of_block = |(rays, answers): (&[Ray], &mut [T])| {
             // Taken out, since a geometry's batch may run another block on this thread; `None` while the thread is being
             // destroyed.
             let kept = SCRATCH.try_with(RefCell::take).ok().flatten();
@@ -156,15 +158,12 @@ impl CpuScene {
                 meter.check_batch()
             });
             let _ = SCRATCH.try_with(|kept| kept.replace(Some(scratch)));
-            report.add(part?)?;
+            let report = part?;
             meter.advance(rays.len() as u64);
             meter.record_work(WORK_BETWEEN_CHECKS);
-            Ok::<SceneReport, QueryError>(report)
-        });
-        let report = report.try_reduce(SceneReport::default, |mut one, other| {
-            one.add(other)?;
-            Ok(one)
-        })?;
+            Ok(report)
+        };
+        let report = blocks.try_reduce(SceneReport::default(), of_block, SceneReport::add)?;
         meter.finish_stage();
         meter.check_batch().map(|()| report)
     }
@@ -224,7 +223,8 @@ impl SceneAccelerator for CpuScene {
             return self.built.all_hits(rays, options);
         }
         let meter = &ProgressMeter::of(options.query.watch);
-        let parts = self.in_parts(rays, meter, |rays, watch| {
+        let parts = rays.par_chunks(few(meter));
+        let parts = self.in_parts(parts, rays.len(), meter, |rays, watch| {
             let query = SceneOptions { watch, ..options.query };
             self.built.all_hits(rays, &SceneAllHitsOptions { query, max_memory: None })
         })?;
@@ -241,8 +241,8 @@ impl SceneAccelerator for CpuScene {
         check_lengths(rays.len(), counts.len())?;
         let meter = &ProgressMeter::of(options.query.watch);
         let few = few(meter);
-        let counts: Vec<&mut [u64]> = counts.chunks_mut(few).collect();
-        let parts = self.in_parts_with(rays, counts, meter, |rays, counts, watch| {
+        let parts = rays.par_chunks(few).zip(counts.par_chunks_mut(few));
+        let parts = self.in_parts(parts, rays.len(), meter, |(rays, counts), watch| {
             let query = SceneOptions { watch, ..options.query };
             self.built.count_hits(rays, counts, &SceneAllHitsOptions { query, ..*options })
         })?;
@@ -263,7 +263,8 @@ impl SceneAccelerator for CpuScene {
             return self.built.locate(points, options);
         }
         let meter = &ProgressMeter::of(options.watch);
-        let parts = self.in_parts(points, meter, |points, watch| {
+        let parts = points.par_chunks(few(meter));
+        let parts = self.in_parts(parts, points.len(), meter, |points, watch| {
             self.built.locate(points, &LocateOptions { watch, max_memory: None })
         })?;
         let mut all = Located::default();
@@ -287,7 +288,7 @@ impl SceneAccelerator for CpuScene {
         let meter = &ProgressMeter::of(options.watch);
         meter.begin_stage(Stage::Rays, points.len() as u64);
         let own = SceneClosestPointOptions { watch: None, ..*options };
-        let parts = Parts { task: FEW, few: if meter.is_watched() { 16 } else { FEW } };
+        let parts = Division { task: FEW, few: if meter.is_watched() { 16 } else { FEW } };
         let none = SceneClosestPoint::NONE;
         answer_in_order(points, (closest, none), parts, meter, |points, closest| {
             self.built.closest_points(points, closest, &own).map(drop)
@@ -339,39 +340,28 @@ impl Watch for PartWatch<'_, '_> {
 const WORK_OF_RAY: u64 = WORK_BETWEEN_CHECKS / 16;
 
 impl CpuScene {
-    /// The answers to parts of a batch, in order.
-    fn in_parts<T: Sync, R: Send>(
+    /// The answers to the parts of a batch of `asked`, in order.
+    fn in_parts<P: Parallel, R: Send>(
         &self,
-        asked: &[T],
+        parts: P,
+        asked: usize,
         meter: &ProgressMeter<'_>,
-        ask: impl Fn(&[T], Option<&dyn Watch>) -> Result<R, QueryError> + Sync,
+        ask: impl Fn(P::Part, Option<&dyn Watch>) -> Result<R, QueryError> + Sync,
     ) -> Result<Vec<R>, QueryError> {
-        let nothing = vec![(); asked.len().div_ceil(few(meter))];
-        self.in_parts_with(asked, nothing, meter, |asked, (), watch| ask(asked, watch))
-    }
-
-    /// The same, each with something of its own.
-    fn in_parts_with<T: Sync, O: Send, R: Send>(
-        &self,
-        asked: &[T],
-        own: Vec<O>,
-        meter: &ProgressMeter<'_>,
-        ask: impl Fn(&[T], O, Option<&dyn Watch>) -> Result<R, QueryError> + Sync,
-    ) -> Result<Vec<R>, QueryError> {
-        meter.begin_stage(Stage::Rays, asked.len() as u64);
-        let parts = asked.par_chunks(few(meter)).zip(own).map(|(asked, own)| {
+        meter.begin_stage(Stage::Rays, asked as u64);
+        let few = few(meter);
+        let parts = parts.enumerate().try_collect(|(index, part)| {
             meter.check_batch()?;
             let watch = PartWatch(meter);
             let watch: Option<&dyn Watch> = if meter.is_watched() { Some(&watch) } else { None };
-            let answer = ask(asked, own, watch).map_err(|error| match error {
+            let answer = ask(part, watch).map_err(|error| match error {
                 // Of the whole, not of the part.
                 QueryError::Cancelled { .. } => meter.check_batch().err().unwrap_or(error),
                 error => error,
             })?;
-            meter.advance(asked.len() as u64);
-            Ok(answer)
-        });
-        let parts = parts.collect::<Result<Vec<R>, QueryError>>()?;
+            meter.advance(few.min(asked - index * few) as u64);
+            Ok::<R, QueryError>(answer)
+        })?;
         meter.finish_stage();
         meter.check_batch().map(|()| parts)
     }

@@ -3,7 +3,6 @@
 use core::sync::atomic::AtomicU64;
 use core::sync::atomic::Ordering::Relaxed;
 
-use rayon::prelude::*;
 use splitplane_core::error::{QueryError, check_bytes, refused};
 use splitplane_core::query::all_hits::{AllHits, AllHitsOptions, Collector, Crossing};
 use splitplane_core::ray::Ray;
@@ -12,6 +11,7 @@ use splitplane_core::watch::Stage;
 use super::CpuAccelerator;
 use super::task_bytes::{FEW, TaskBytes};
 use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
+use crate::parallel::{Parallel, ParallelSlice};
 use crate::trace::exact;
 
 impl CpuAccelerator {

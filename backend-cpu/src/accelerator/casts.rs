@@ -1,6 +1,5 @@
 //! Impacts of a batch.
 
-use rayon::prelude::*;
 use splitplane_core::error::QueryError;
 use splitplane_core::query::cast::{Cast, CastOptions, CastSearch, Impact};
 use splitplane_core::query::closest_point::check_lengths;
@@ -11,6 +10,7 @@ use super::CpuAccelerator;
 use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
 use crate::near::cast::Impacts;
 use crate::near::cells::Walk;
+use crate::parallel::{Parallel, ParallelSlice};
 
 /// Casts of one task.
 const TASK: usize = 64;

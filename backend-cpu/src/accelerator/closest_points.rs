@@ -10,7 +10,7 @@ use splitplane_core::watch::Stage;
 use super::CpuAccelerator;
 use crate::cancel::ProgressMeter;
 use crate::near::closest_point::ClosestPoints;
-use crate::near::in_order::{Parts, answer_in_order};
+use crate::near::in_order::{Division, answer_in_order};
 
 /// Points of one task.
 const TASK: usize = 1024;
@@ -29,7 +29,7 @@ impl CpuAccelerator {
         check_lengths(points.len(), closest.len())?;
         check_accuracy(options.accuracy)?;
         meter.begin_stage(Stage::Rays, points.len() as u64);
-        let parts = Parts { task: TASK, few: if meter.is_watched() { FEW } else { TASK } };
+        let parts = Division { task: TASK, few: if meter.is_watched() { FEW } else { TASK } };
         let layout = &self.layout;
         answer_in_order(points, (closest, ClosestPoint::NONE), parts, meter, |points, closest| {
             let task = ClosestPoints { layout, points, closest, options };

@@ -2,7 +2,6 @@
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-use rayon::prelude::*;
 use splitplane_core::error::QueryError;
 use splitplane_core::query::closest_point::check_lengths;
 use splitplane_core::query::overlap::{OverlapOptions, Overlaps, Region, Volume};
@@ -13,6 +12,7 @@ use super::CpuAccelerator;
 use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
 use crate::near::cells::Walk;
 use crate::near::overlap::Overlapping;
+use crate::parallel::{Parallel, ParallelSlice};
 
 /// Volumes of one task.
 const TASK: usize = 64;
@@ -28,7 +28,7 @@ impl CpuAccelerator {
         meter.begin_stage(Stage::Rays, volumes.len() as u64);
         // What threads hold together counts against the limit.
         let held = AtomicU64::new(0);
-        let parts = volumes.par_chunks(TASK).map(|volumes| {
+        let parts = volumes.par_chunks(TASK).collect(|volumes| {
             let mut part = Overlaps::default();
             for volume in volumes {
                 if meter.is_cancelled() {
@@ -43,9 +43,8 @@ impl CpuAccelerator {
                 meter.advance(1);
                 meter.record_work(WORK_BETWEEN_CHECKS);
             }
-            Ok(part)
+            Ok::<_, QueryError>(part)
         });
-        let parts: Vec<Result<Overlaps, QueryError>> = parts.collect();
         meter.finish_stage();
         meter.check_batch()?;
         let mut all = Overlaps::default();

@@ -3,7 +3,6 @@
 use core::sync::atomic::AtomicU64;
 use core::sync::atomic::Ordering::Relaxed;
 
-use rayon::prelude::*;
 use splitplane_core::error::{QueryError, refused};
 use splitplane_core::query::inside;
 use splitplane_core::query::inside::{LocateOptions, Located, Locator};
@@ -14,6 +13,7 @@ use splitplane_core::watch::Stage;
 use super::CpuAccelerator;
 use super::task_bytes::{FEW, TaskBytes};
 use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
+use crate::parallel::{Parallel, ParallelSlice};
 use crate::trace::exact;
 
 impl CpuAccelerator {

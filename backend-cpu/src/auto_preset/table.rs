@@ -72,7 +72,9 @@ impl fmt::Display for TableError {
             TableError::Value { line, column, found } => {
                 write!(f, "line {line}: `{found}` is no {column}")?;
                 match *column {
-                    "set" => write!(f, "; there are portable, neon, simd128, avx2 and avx512"),
+                    "set" => {
+                        write!(f, "; there are portable, sse2, neon, simd128, avx2 and avx512")
+                    }
                     "preset" => write!(f, "; there are fast, narrow, balanced and best"),
                     "size_skew" => write!(f, "; give a number from 0 on"),
                     _ => write!(f, "; give a number above 0"),
@@ -127,6 +129,7 @@ fn row(line: usize, text: &str) -> Result<Row, TableError> {
 fn set(name: &str) -> Option<InstructionSet> {
     let all = [
         InstructionSet::Portable,
+        InstructionSet::Sse2,
         InstructionSet::Neon,
         InstructionSet::Simd128,
         InstructionSet::Avx2,

@@ -15,7 +15,7 @@
 
 use splitplane_core::triangle::Triangle;
 
-use super::packed_block::{LANES_TO_WRITE_OUT, WRITES_OUT};
+use crate::simd::InstructionSet;
 
 /// References that follow each other and are looked at: those of some leaves.
 const RUN: usize = 16;
@@ -25,10 +25,14 @@ const RUNS: usize = 8;
 /// one in seven; here it is less, since a block of shared corners that are few is no worse than it was before there were others.
 const SHARED: usize = 12;
 
-/// Whether blocks of `lanes` have their corners written out, given a tree's references and the mesh's triangles. Never where
+/// Whether blocks for a set have their corners written out, given a tree's references and the mesh's triangles. Never where
 /// there are fewer than 128 references: too few to tell, and little to gain.
-pub(crate) fn are_written_out(lanes: usize, references: &[u32], triangles: &[Triangle]) -> bool {
-    if !WRITES_OUT || lanes != LANES_TO_WRITE_OUT || references.len() < RUN * RUNS {
+pub(crate) fn are_written_out(
+    set: InstructionSet,
+    references: &[u32],
+    triangles: &[Triangle],
+) -> bool {
+    if !set.writes_out() || references.len() < RUN * RUNS {
         return false;
     }
     let (mut all, mut shared) = (0, 0);
@@ -81,18 +85,18 @@ mod tests {
 
     fn in_order(triangles: &[Triangle]) -> bool {
         let references: Vec<u32> = (0..triangles.len() as u32).collect();
-        are_written_out(LANES_TO_WRITE_OUT, &references, triangles)
+        are_written_out(InstructionSet::Avx2, &references, triangles)
     }
 
     #[test]
     fn only_meshes_of_triangles_apart_have_their_corners_written_out() {
         let soup = apart(1_000);
-        assert_eq!(in_order(&soup), WRITES_OUT);
+        assert!(in_order(&soup));
         assert!(!in_order(&pairs(&soup[..500])));
         // One run of eight has pairs, which share 16 of 384 corners; then four have.
         let some =
             |count: usize| [pairs(&soup[..count]), soup[count..1_000 - count].to_vec()].concat();
-        assert_eq!(in_order(&some(60)), WRITES_OUT);
+        assert!(in_order(&some(60)));
         assert!(!in_order(&some(200)));
     }
 
@@ -101,9 +105,12 @@ mod tests {
         let soup = apart(200);
         let references: Vec<u32> = (0..200).collect();
         for count in [0, 1, 7, 8, 9, 127, 128, 129, 200] {
-            let written = are_written_out(LANES_TO_WRITE_OUT, &references[..count], &soup);
-            assert_eq!(written, WRITES_OUT && count >= 128, "{count}");
-            assert!(!are_written_out(MOST_LANES, &references[..count], &soup), "{count}");
+            let written = are_written_out(InstructionSet::Avx2, &references[..count], &soup);
+            assert_eq!(written, count >= 128, "{count}");
+            assert!(
+                !are_written_out(InstructionSet::Avx512, &references[..count], &soup),
+                "{count}"
+            );
         }
     }
 
@@ -111,7 +118,7 @@ mod tests {
     fn a_triangle_in_several_leaves_is_one() {
         let soup = apart(100);
         let references: Vec<u32> = (0..400).map(|place| place / 4).collect();
-        assert_eq!(are_written_out(LANES_TO_WRITE_OUT, &references, &soup), WRITES_OUT);
+        assert!(are_written_out(InstructionSet::Avx2, &references, &soup));
     }
 
     /// What counts is what lies side by side in the tree, not in the list.
@@ -125,6 +132,6 @@ mod tests {
             list[to] = *triangle;
             references[place] = to as u32;
         }
-        assert!(!are_written_out(LANES_TO_WRITE_OUT, &references, &list));
+        assert!(!are_written_out(InstructionSet::Avx2, &references, &list));
     }
 }

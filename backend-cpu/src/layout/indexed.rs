@@ -1,7 +1,6 @@
 //! The mesh of the compact layout: a copy of the caller's arrays with snapped coordinates, and the
 //! gathering of triangles from it for the wide test.
 
-use rayon::prelude::*;
 use splitplane_core::arithmetic::snap;
 use splitplane_core::error::BuildError;
 use splitplane_core::mesh::Mesh;
@@ -10,6 +9,7 @@ use splitplane_core::triangle::Triangle;
 use super::gathered_block::GatheredBlock;
 use crate::cancel::ProgressMeter;
 use crate::memory::{Memory, bytes_of, extend, resize};
+use crate::parallel::{Parallel, ParallelSlice};
 use crate::simd::MOST_LANES;
 
 /// Vertices that are snapped between two calls of the watch.

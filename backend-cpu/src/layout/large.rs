@@ -6,7 +6,6 @@
 //! are widened for their other triangles only. Leaves without other triangles vanish. The kd-tree itself stays as it is:
 //! its leaves still name the large triangles, and a ray may test one twice.
 
-use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::query::intersect::{SIZE_SLACK, longest_extent};
 use splitplane_core::tree::KdTreeView;
@@ -15,6 +14,7 @@ use splitplane_core::triangle::{Triangle, prepare};
 
 use super::cells::halves;
 use crate::cancel::ProgressMeter;
+use crate::parallel::{Parallel, ParallelSlice};
 use crate::span;
 
 /// Most of them: rays test them in whatever leaf they start, so where there are more they stay in their leaves.
@@ -73,7 +73,7 @@ impl Large {
     /// Triangles that are longer than a limit, and bounds of all others.
     fn longer(limit: f32, triangles: &[Triangle], meter: &ProgressMeter<'_>) -> Large {
         let _loop = span::pieces_of(1);
-        let chunks = triangles.par_chunks(4096).enumerate().map(|(chunk, triangles)| {
+        let of_chunk = |(chunk, triangles): (usize, &[Triangle])| {
             let _piece = span::piece();
             let mut large = Large::none(Aabb::EMPTY);
             if meter.record_work(triangles.len() as u64) {
@@ -91,16 +91,18 @@ impl Large {
                 }
             }
             large
-        });
-        chunks.reduce(
-            || Large::none(Aabb::EMPTY),
-            |mut all, some| {
-                (0..some.count).for_each(|i| all.push(some.triangles.get(i).map_or(0, |&t| t)));
-                all.bounds = all.bounds.union(&some.bounds);
-                all.others = all.others.union(&some.others);
-                all
-            },
-        )
+        };
+        let join = |all: &mut Large, some: Large| {
+            (0..some.count).for_each(|i| all.push(some.triangles.get(i).map_or(0, |&t| t)));
+            all.bounds = all.bounds.union(&some.bounds);
+            all.others = all.others.union(&some.others);
+        };
+        let chunks = triangles.par_chunks(4096).enumerate();
+        let mut large = chunks.reduce(Large::none(Aabb::EMPTY), of_chunk, join);
+        // Chunks are joined as they end.
+        let listed = large.count.min(MOST);
+        large.triangles[..listed].sort_unstable();
+        large
     }
 
     /// One more, which is only counted where there is no place for it.

@@ -12,7 +12,6 @@ mod planning;
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
-use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::QueryLayout;
 use splitplane_core::error::BuildError;
@@ -33,6 +32,7 @@ use super::wide_node::MOST_LEAVES;
 use crate::build::MOST_NODES;
 use crate::cancel::ProgressMeter;
 use crate::memory::{Memory, Scatter, bytes_of};
+use crate::parallel::{Parallel, ParallelSlice};
 use crate::simd::InstructionSet;
 use crate::span;
 
@@ -137,7 +137,7 @@ impl LayoutScratch {
         let planner = Planner::new(set.lanes(), &tree.bounds);
         let mut large = Large::of(tree, source.triangles, meter);
         let written = source.layout != QueryLayout::Compact
-            && are_written_out(set.lanes(), tree.references, source.triangles);
+            && are_written_out(set, tree.references, source.triangles);
         let maker = LayoutPlanning {
             tree,
             source,

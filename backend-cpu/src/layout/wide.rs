@@ -11,7 +11,6 @@
 //! becomes: so all are written where they stay, by many tasks. A node's subtrees follow it
 //! consecutively.
 
-use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::error::BuildError;
 use splitplane_core::query::intersect::{longest_extent, widened};
@@ -26,6 +25,7 @@ use super::walk_node::WalkNode;
 use super::wide_node::{self, CacheLine};
 use crate::cancel::ProgressMeter;
 use crate::memory::{Memory, bytes_of, resize};
+use crate::parallel::{Parallel, ParallelSlice};
 use crate::simd::{MOST_LANES, prefetch};
 use crate::span;
 
@@ -351,11 +351,12 @@ fn in_tasks<T: Send>(
     let mut tasks = [const { None }; MOST_LANES];
     tasks.iter_mut().zip(parts).for_each(|(task, part)| *task = Some(part));
     let _loop = span::pieces_of(1);
-    let part = |part| {
+    let part = |task: &mut Option<T>| {
+        let part = task.take()?;
         let _piece = span::piece();
-        work(part)
+        Some(work(part))
     };
-    tasks.par_iter_mut().filter_map(Option::take).map(part).max()
+    tasks.par_iter_mut().reduce(None, part, |most, one| *most = one.max(*most))
 }
 
 impl NodeChildren {

@@ -2,12 +2,13 @@
 
 mod scatter;
 
+use core::mem::MaybeUninit;
 use std::collections::TryReserveError;
 
-use rayon::prelude::*;
 use splitplane_core::error::BuildError;
 
 use crate::cancel::{ProgressMeter, UNWATCHED};
+use crate::parallel::{Parallel, ParallelSlice};
 use crate::span;
 
 pub(crate) use scatter::Scatter;
@@ -159,9 +160,17 @@ pub(crate) fn resize<T: Clone + Send + Sync>(
     value: &T,
 ) {
     if !meter.is_watched() && vector.len() < length {
-        let more = rayon::iter::repeat_n(value.clone(), length - vector.len());
-        let pieces = (length - vector.len()).div_ceil(PIECE);
-        span::evenly(pieces, || vector.par_extend(more.with_min_len(PIECE)));
+        let more = length - vector.len();
+        let room = &mut vector.spare_capacity_mut()[..more];
+        let pieces = room.len().div_ceil(PIECE);
+        let fill = |room: &mut [MaybeUninit<T>]| {
+            for element in room {
+                element.write(value.clone());
+            }
+        };
+        span::evenly(pieces, || room.par_chunks_mut(PIECE).for_each(fill));
+        // SAFETY: all of them were written.
+        unsafe { vector.set_len(length) };
     }
     while vector.len() < length {
         let next = length.min(vector.len() + PIECE);
@@ -181,8 +190,18 @@ pub(crate) fn extend<T: Copy + Send + Sync>(
     slice: &[T],
 ) {
     if !meter.is_watched() {
-        let all = slice.par_iter().copied().with_min_len(PIECE);
-        span::evenly(slice.len().div_ceil(PIECE), || vector.par_extend(all));
+        vector.reserve(slice.len());
+        let all = vector.len() + slice.len();
+        let room = &mut vector.spare_capacity_mut()[..slice.len()];
+        let pieces = room.par_chunks_mut(PIECE).zip(slice.par_chunks(PIECE));
+        let copy = |(room, piece): (&mut [MaybeUninit<T>], &[T])| {
+            for (element, value) in room.iter_mut().zip(piece) {
+                element.write(*value);
+            }
+        };
+        span::evenly(slice.len().div_ceil(PIECE), || pieces.for_each(copy));
+        // SAFETY: all of them were written.
+        unsafe { vector.set_len(all) };
         return;
     }
     for piece in slice.chunks(PIECE) {

@@ -289,11 +289,12 @@ impl Measured {
             let (block, next) = unsafe { leaves.block::<S>(leaf, from, room) };
             // SAFETY: the caller's contract.
             unsafe {
-                match L::written(&block) {
-                    None => self.visit_block::<S, _>(&block, guess),
-                    Some(block) => {
-                        S::call(VisitWritten { measured: &mut *self, block, guess: &mut *guess });
-                    }
+                if S::WRITES_OUT
+                    && let Some(block) = L::written::<S>(&block)
+                {
+                    S::call(VisitWritten { measured: &mut *self, block, guess: &mut *guess });
+                } else {
+                    self.visit_block::<S, _>(&block, guess);
                 }
             }
             from = next;

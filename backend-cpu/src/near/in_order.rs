@@ -1,10 +1,10 @@
 //! Batches of points that are answered along a curve: neighbours one after the other find nodes in cache, and begin with a guess from the
 //! one before. It changes no answer, and answers come in the caller's order.
 
-use rayon::prelude::*;
 use splitplane_core::error::{QueryError, refused};
 
 use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
+use crate::parallel::{Parallel, ParallelSlice};
 use crate::points::order::along_curve;
 
 /// Fewer points are answered as they come.
@@ -14,7 +14,7 @@ const CHUNK: usize = 1 << 16;
 
 /// How a batch is divided.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Parts {
+pub(crate) struct Division {
     /// Points of one task, at least.
     pub(crate) task: usize,
     /// Points that `answer` gets at a time, between two checks of the watch.
@@ -26,7 +26,7 @@ pub(crate) struct Parts {
 pub(crate) fn answer_in_order<T: Copy + Send + Sync>(
     points: &[[f32; 3]],
     (answers, none): (&mut [T], T),
-    Parts { task, few }: Parts,
+    Division { task, few }: Division,
     meter: &ProgressMeter<'_>,
     answer: impl Fn(&[[f32; 3]], &mut [T]) -> Result<(), QueryError> + Sync,
 ) -> Result<(), QueryError> {
@@ -111,7 +111,7 @@ mod tests {
             for few in [1, 32, 1024] {
                 let points = &points[..count];
                 let mut answers = vec![[0u32; 3]; count];
-                let parts = Parts { task: 1024, few };
+                let parts = Division { task: 1024, few };
                 answer_in_order(
                     points,
                     (&mut answers, [1; 3]),
@@ -134,7 +134,7 @@ mod tests {
         }
         let error = Err(QueryError::Unsupported { query: "nothing" });
         let mut answers = vec![0u8; 5000];
-        let parts = Parts { task: 64, few: 8 };
+        let parts = Division { task: 64, few: 8 };
         let ended =
             answer_in_order(&points, (&mut answers, 0), parts, &UNWATCHED, |_, _| error.clone());
         assert_eq!(ended, error);

@@ -2,7 +2,6 @@
 
 use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-use rayon::prelude::*;
 use splitplane_core::error::{QueryError, check_bytes, refused};
 use splitplane_core::points::lists::NeighbourLists;
 use splitplane_core::points::nearest::{NearestOptions, Neighbour, first_stop};
@@ -11,6 +10,7 @@ use splitplane_core::watch::Stage;
 use super::search::{NO_FRAMES, Visitor};
 use super::tree::CpuPointTree;
 use crate::cancel::{ProgressMeter, UNWATCHED};
+use crate::parallel::{Parallel, ParallelSlice};
 
 /// Most queries that are answered side by side. Their lists wait for one another.
 const TOGETHER: usize = 1024;
@@ -90,8 +90,8 @@ impl<const N: usize> CpuPointTree<N> {
             meter.check_batch()?;
             let few = &left[..together.min(left.len())];
             let budget = Budget::new(limit.map(|limit| limit.saturating_sub(held)));
-            let find = |&query| self.list(query, options, Shared::of(&budget), meter);
-            let lists: Vec<Result<Vec<Neighbour>, QueryError>> = few.par_iter().map(find).collect();
+            let find = |query: &[f32; N]| self.list(*query, options, Shared::of(&budget), meter);
+            let lists: Vec<Result<Vec<Neighbour>, QueryError>> = few.par_iter().collect(find);
             meter.check_batch()?;
             let mut done = 0;
             for list in lists {

@@ -1,6 +1,5 @@
 //! The point tree of this backend.
 
-use rayon::prelude::*;
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::error::{QueryError, check_bytes, refused};
 use splitplane_core::points::build::{PointBuildError, PointOptions, Survey};
@@ -20,6 +19,7 @@ use super::order::along_curve;
 use super::search::{Frames, GROUP, GroupSearch, NO_FRAMES, Search, Searched, Visitor};
 use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
 use crate::memory::lengthen;
+use crate::parallel::{Parallel, ParallelSlice};
 use crate::simd::InstructionSet;
 
 /// Subtrees of fewer points are one task.

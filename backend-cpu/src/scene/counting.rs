@@ -7,63 +7,7 @@ use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::scene::{GeometryId, InstanceId, SceneOptions};
 
-use crate::trace::keep::{Keep, KeepAll};
-
-/// How a batch tells which hits count.
-pub(super) trait Counting {
-    /// What tells it within one instance.
-    type Keep<'b>: Keep;
-
-    /// What tells it within an instance of a geometry. Hits that do not count are added to the number.
-    fn within<'b>(
-        scene: &'b BuiltScene,
-        of: (GeometryId, InstanceId),
-        options: &'b SceneOptions<'b>,
-        rejected: &'b Cell<u64>,
-    ) -> Self::Keep<'b>;
-
-    /// The hit that is the answer, given the first one of a ray that is not traced in steps.
-    fn settle(
-        keep: Self::Keep<'_>,
-        scene: &BuiltScene,
-        geometry: GeometryId,
-        ray: &Ray,
-        first: Hit,
-        query: (&QueryOptions<'_>, Query),
-    ) -> Hit;
-}
-
-/// All hits count.
-pub(super) struct EveryHit;
-
-impl Counting for EveryHit {
-    type Keep<'b> = KeepAll;
-
-    #[inline(always)]
-    fn within<'b>(
-        _: &'b BuiltScene,
-        _: (GeometryId, InstanceId),
-        _: &'b SceneOptions<'b>,
-        _: &'b Cell<u64>,
-    ) -> KeepAll {
-        KeepAll
-    }
-
-    #[inline(always)]
-    fn settle(
-        _: KeepAll,
-        _: &BuiltScene,
-        _: GeometryId,
-        _: &Ray,
-        first: Hit,
-        _: (&QueryOptions<'_>, Query),
-    ) -> Hit {
-        first
-    }
-}
-
-/// Those that the filter keeps, in parts of triangles that are opaque.
-pub(super) struct KeptHits;
+use crate::trace::keep::Keep;
 
 /// What tells it within one instance: `None` where all count.
 #[derive(Clone, Copy)]
@@ -96,32 +40,37 @@ impl Keep for KeepOf<'_> {
     }
 }
 
-impl Counting for KeptHits {
-    type Keep<'b> = KeepSome<'b>;
-
-    fn within<'b>(
-        scene: &'b BuiltScene,
+impl<'a> KeepSome<'a> {
+    /// Within an instance of a geometry. Hits that do not count are added to `rejected`.
+    pub(super) fn within(
+        scene: &'a BuiltScene,
         (geometry, instance): (GeometryId, InstanceId),
-        options: &'b SceneOptions<'b>,
-        rejected: &'b Cell<u64>,
-    ) -> KeepSome<'b> {
+        options: &'a SceneOptions<'a>,
+        rejected: &'a Cell<u64>,
+    ) -> KeepSome<'a> {
         let built = scene.geometry(geometry);
         let kept = built.and_then(|built| built.kept(geometry, instance, options));
         KeepSome { kept, rejected }
     }
 
-    fn settle(
-        KeepSome { kept, rejected }: KeepSome<'_>,
+    /// Whether every hit counts.
+    pub(super) fn keeps_all(self) -> bool {
+        self.kept.is_none()
+    }
+
+    /// The hit that is the answer, given the first one of a ray that is not traced in steps.
+    pub(super) fn settle(
+        self,
         scene: &BuiltScene,
         geometry: GeometryId,
         ray: &Ray,
         first: Hit,
         query: (&QueryOptions<'_>, Query),
     ) -> Hit {
-        let (Some(kept), Some(built)) = (kept, scene.geometry(geometry)) else { return first };
+        let (Some(kept), Some(built)) = (self.kept, scene.geometry(geometry)) else { return first };
         let mut more = 0;
         let hit = kept.next(built, ray, first, query, &mut more);
-        rejected.set(rejected.get() + more);
+        self.rejected.set(self.rejected.get() + more);
         hit
     }
 }

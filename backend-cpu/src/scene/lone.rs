@@ -3,7 +3,8 @@
 //!
 //! That is what all instances give, one after the other, where there is one. No tree over instances is asked, and a ray that misses the box costs what it costs the mesh.
 
-use rayon::prelude::*;
+use std::sync::{Mutex, PoisonError};
+
 use splitplane_core::backend::scene::{
     Asked, BuiltGeometry, BuiltScene, SceneAnswer, limit_within,
 };
@@ -20,6 +21,7 @@ use super::batch::{BLOCK, WATCHED_BLOCK};
 use super::parts::all_count;
 use super::seen::WorldRay;
 use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
+use crate::parallel::{Parallel, ParallelSlice};
 
 /// Whether such scenes have a way of their own. A page would have to load it: there they do not.
 pub(super) const LONE_SERVED: bool = !cfg!(target_family = "wasm");
@@ -66,17 +68,19 @@ impl<'a> Lone<'a> {
         meter.begin_stage(Stage::Rays, rays.len() as u64);
         let size = if meter.is_watched() { WATCHED_BLOCK } else { BLOCK };
         let blocks = rays.par_chunks(size).zip(answers.par_chunks_mut(size));
-        let reports = blocks.map_init(Seen::default, |seen, (rays, answers)| {
+        // As many as there are threads at work, each kept for further blocks.
+        let kept: Mutex<Vec<Seen>> = Mutex::new(Vec::new());
+        let kept = || kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let of_block = |(rays, answers): (&[Ray], &mut [T])| {
             meter.check_batch()?;
-            let report = self.answer_block(seen, rays, answers)?;
+            let mut seen = kept().pop().unwrap_or_default();
+            let report = self.answer_block(&mut seen, rays, answers)?;
+            kept().push(seen);
             meter.advance(rays.len() as u64);
             meter.record_work(WORK_BETWEEN_CHECKS);
-            Ok::<SceneReport, QueryError>(report)
-        });
-        let report = reports.try_reduce(SceneReport::default, |mut one, other| {
-            one.add(other)?;
-            Ok(one)
-        })?;
+            Ok(report)
+        };
+        let report = blocks.try_reduce(SceneReport::default(), of_block, SceneReport::add)?;
         meter.finish_stage();
         meter.check_batch().map(|()| report)
     }

@@ -1,6 +1,5 @@
 //! Overlaps with a scene on all threads: a volume at a time, answers in the order of the volumes.
 
-use rayon::prelude::*;
 use splitplane_core::backend::scene::{SceneOverlapOptions, SceneOverlaps};
 use splitplane_core::error::QueryError;
 use splitplane_core::query::closest_point::check_lengths;
@@ -9,6 +8,7 @@ use splitplane_core::watch::Stage;
 
 use super::CpuScene;
 use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
+use crate::parallel::{Parallel, ParallelSlice};
 
 /// Volumes of one task.
 const TASK: usize = 8;
@@ -26,7 +26,7 @@ impl CpuScene {
         let meter = &ProgressMeter::of(options.watch);
         meter.begin_stage(Stage::Rays, volumes.len() as u64);
         let own = &SceneOverlapOptions { watch: None, ..*options };
-        let parts = volumes.par_chunks(TASK).map(|volumes| {
+        let parts = volumes.par_chunks(TASK).try_collect(|volumes| {
             let mut part = SceneOverlaps::default();
             for volume in volumes.chunks(1) {
                 if meter.is_cancelled() {
@@ -36,9 +36,8 @@ impl CpuScene {
                 meter.advance(1);
                 meter.record_work(WORK_BETWEEN_CHECKS);
             }
-            Ok(part)
-        });
-        let parts = parts.collect::<Result<Vec<SceneOverlaps>, QueryError>>()?;
+            Ok::<_, QueryError>(part)
+        })?;
         meter.finish_stage();
         meter.check_batch()?;
         let mut all = SceneOverlaps::default();

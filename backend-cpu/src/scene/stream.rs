@@ -14,7 +14,7 @@ use splitplane_core::ray::{Hit, QueryOptions};
 use splitplane_core::scene::{GeometryId, InstanceId, Placement, SceneHit, TopRay, TopStack};
 
 use super::batch::{SceneBatch, Work};
-use super::counting::Counting;
+use super::counting::KeepSome;
 use super::found::Found;
 use super::parts::Reached;
 use super::seen::WorldRay;
@@ -31,7 +31,7 @@ use crate::trace::single::Single;
 use crate::trace::step::{RayTest, TestContext, TestLeaf, TraversalStack, ask_for, step_in_turn};
 
 /// A ray in an instance.
-struct Lane<'a, T, L, K> {
+struct Lane<'a, T, L> {
     ray_state: RayState,
     /// Its current child, and the last entry of its stack.
     child: u32,
@@ -39,7 +39,7 @@ struct Lane<'a, T, L, K> {
     best: BestHit,
     lines: *const CacheLine,
     /// `None` before the first instance.
-    within: Option<Within<'a, L, K>>,
+    within: Option<Within<'a, L>>,
     instance: InstanceId,
     geometry: GeometryId,
     /// Its place in the batch; [`RayState::NO_RAY`] for none.
@@ -52,26 +52,26 @@ struct Lane<'a, T, L, K> {
 }
 
 /// What tests of triangles read in an instance.
-struct Within<'a, L, K> {
+struct Within<'a, L> {
     leaves: L,
-    keep: K,
+    keep: KeepSome<'a>,
     options: QueryOptions<'a>,
 }
 
 /// The rays under way.
-pub(super) struct Flying<'a, T, L, C> {
+pub(super) struct Flying<'a, T, L> {
     batch: SceneBatch<'a, T>,
-    of: PhantomData<(L, C)>,
+    of: PhantomData<L>,
 }
 
-impl<'a, T, L, C> Flying<'a, T, L, C> {
+impl<'a, T, L> Flying<'a, T, L> {
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(super) fn new(batch: SceneBatch<'a, T>) -> Flying<'a, T, L, C> {
+    pub(super) fn new(batch: SceneBatch<'a, T>) -> Flying<'a, T, L> {
         Flying { batch, of: PhantomData }
     }
 }
 
-impl<'a, T: SceneAnswer, L: Found<'a>, C: Counting> Compiled for Flying<'a, T, L, C> {
+impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for Flying<'a, T, L> {
     type Output = Result<Work, TryReserveError>;
 
     #[cfg_attr(not(unoptimised), inline(always))]
@@ -84,7 +84,7 @@ impl<'a, T: SceneAnswer, L: Found<'a>, C: Counting> Compiled for Flying<'a, T, L
         lengthen(&mut t, room * FLIGHT, 0.0)?;
         let mut top_stacks: Vec<TopStack> = Vec::new();
         lengthen(&mut top_stacks, top_room * FLIGHT, TopStack::default())?;
-        let mut lanes: Vec<Lane<'_, T, L, C::Keep<'_>>> = Vec::new();
+        let mut lanes: Vec<Lane<'_, T, L>> = Vec::new();
         lanes.try_reserve_exact(FLIGHT)?;
         lanes.extend((0..FLIGHT).map(|_| Lane {
             ray_state: RayState::none(),
@@ -178,7 +178,7 @@ impl<'a, T: SceneAnswer, L: Found<'a>, C: Counting> Compiled for Flying<'a, T, L
                         break 'enter Turn::Refill;
                     };
                     let of = (lane.geometry, lane.instance);
-                    let keep = C::within(scene, of, options, &rejected);
+                    let keep = KeepSome::within(scene, of, options, &rejected);
                     let ray = &rays[lane.index as usize];
                     let query = options.of_geometry(asked.culling, asked.ignore, None);
                     let accelerator = match reached {
@@ -208,7 +208,7 @@ impl<'a, T: SceneAnswer, L: Found<'a>, C: Counting> Compiled for Flying<'a, T, L
                         Readiness::Special => {
                             let ray = &seen_by(placement, ray, &lane.answer.best());
                             // A hit of which not all parts are known cannot be judged.
-                            let first = if C::Keep::ALL { T::QUERY } else { Query::Closest };
+                            let first = if keep.keeps_all() { T::QUERY } else { Query::Closest };
                             let hit = match RayState::prepare_by_core(
                                 ray,
                                 scale,
@@ -229,8 +229,7 @@ impl<'a, T: SceneAnswer, L: Found<'a>, C: Counting> Compiled for Flying<'a, T, L
                             };
                             if let Some(hit) = hit {
                                 let asked = (&query, T::QUERY);
-                                lane.best.hit =
-                                    C::settle(keep, scene, lane.geometry, ray, hit, asked);
+                                lane.best.hit = keep.settle(scene, lane.geometry, ray, hit, asked);
                                 break 'enter Turn::Refill;
                             }
                         }
@@ -301,7 +300,7 @@ impl<'a, T: SceneAnswer, L: Found<'a>, C: Counting> Compiled for Flying<'a, T, L
     }
 }
 
-impl<T: SceneAnswer, L, K> Lane<'_, T, L, K> {
+impl<T: SceneAnswer, L> Lane<'_, T, L> {
     /// Takes a hit in the instance that the ray is in. True when the ray is done.
     #[cfg_attr(not(unoptimised), inline(always))]
     fn take(&mut self, hit: Hit) -> bool {

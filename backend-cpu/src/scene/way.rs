@@ -10,7 +10,7 @@ use splitplane_core::scene::{
 
 use super::top_walk::{PRODUCT_MOST, Planes};
 use super::turn_ray::TurnRay;
-use crate::simd::{MOST_LANES, Simd};
+use crate::simd::{Compiled, MOST_LANES, Simd};
 use crate::trace::bunch::{PART, PartRows};
 use crate::trace::prepare::{CHUNK, PerRay, RECORD};
 
@@ -418,6 +418,39 @@ impl Way {
             self.limit[lane] = limit_within(ray, &best);
         }
         true
+    }
+}
+
+/// [`Way::load`], in a function of its own.
+pub(super) struct LoadWay<'a> {
+    pub(super) way: &'a mut Way,
+    pub(super) rays: &'a [Ray; CHUNK],
+    pub(super) reach: f32,
+}
+
+impl Compiled for LoadWay<'_> {
+    type Output = u32;
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn run<S: Simd>(self) -> u32 {
+        // SAFETY: the caller's contract.
+        unsafe { self.way.load::<S>(self.rays, self.reach) }
+    }
+}
+
+/// [`Way::top_rays`], in a function of its own.
+pub(super) struct TopRays<'a> {
+    pub(super) way: &'a Way,
+    pub(super) to: &'a mut [TurnRay; CHUNK],
+}
+
+impl Compiled for TopRays<'_> {
+    type Output = ();
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn run<S: Simd>(self) {
+        // SAFETY: the caller's contract.
+        unsafe { self.way.top_rays::<S>(self.to) }
     }
 }
 

@@ -58,6 +58,8 @@ const fn lanes_of_pairs() -> [[u8; 8]; 256] {
 // SAFETY of all blocks: the trait's contract, the set and readable or writable memory.
 impl Simd for Avx2 {
     const N: usize = 8;
+    const WRITES_OUT: bool = true;
+    const IN_TURN: bool = true;
     type F32x16 = Avx2F32x16;
     type Eight = Avx2;
     type Floats = __m256;

@@ -9,8 +9,8 @@
 //! Two more vocabularies belong to a set, since builders need what lanes of changing number cannot say:
 //! [`Simd::F32x16`], sixteen floats on any set, and the loops over references of [`references::ReferenceOps`].
 //!
-//! Each set is in a file of its own: `avx512/`, `avx2.rs` (and `avx2/`), `neon.rs`, `simd128.rs`, `portable.rs`. Intrinsics are
-//! used nowhere else, except for [`F32x4`], which is SSE2.
+//! Each set is in a file of its own: `avx512/`, `avx2.rs` (and `avx2/`), `sse2.rs`, `neon.rs`, `simd128.rs`,
+//! `portable.rs`. Intrinsics are used nowhere else, except for [`F32x4`], which is SSE2.
 
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod avx2;
@@ -21,12 +21,14 @@ pub(crate) mod every_set;
 pub(crate) mod f32x16;
 mod f32x4;
 mod instruction_set;
-#[cfg(target_arch = "aarch64")]
+#[cfg(all(target_arch = "aarch64", not(miri)))]
 mod neon;
 pub(crate) mod portable;
 pub(crate) mod references;
 #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
 mod simd128;
+#[cfg(target_arch = "x86_64")]
+pub(crate) mod sse2;
 
 pub(crate) use f32x4::F32x4;
 pub use instruction_set::InstructionSet;
@@ -74,6 +76,12 @@ impl Direction {
 pub(crate) trait Simd: ReferenceOps + Copy {
     /// Lanes.
     const N: usize;
+    /// Whether layouts for this set may have [corners written out](crate::layout::corners): sets of eight lanes with
+    /// permutations. Others do not compile the kernels for it.
+    const WRITES_OUT: bool = false;
+    /// Whether watertight rays through scenes take their steps [in turn](crate::scene). Sets without it follow them by
+    /// the one kernel that serves every accuracy.
+    const IN_TURN: bool = false;
     /// Sixteen floats, however many lanes a vector has.
     type F32x16: F32x16;
     /// A set of eight lanes that the processor has too.

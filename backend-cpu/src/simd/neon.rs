@@ -5,7 +5,7 @@
 use core::arch::aarch64::*;
 
 use super::f32x16::ArrayF32x16;
-use super::portable::Portable;
+use super::portable;
 use super::references::ReferenceOps;
 use super::{Direction, Simd};
 
@@ -27,6 +27,8 @@ impl ReferenceOps for Neon {}
 // SAFETY of all blocks: the trait's contract, readable or writable memory.
 impl Simd for Neon {
     const N: usize = 8;
+    const WRITES_OUT: bool = true;
+    const IN_TURN: bool = true;
     type F32x16 = ArrayF32x16;
     type Eight = Neon;
     type Floats = Floats;
@@ -133,7 +135,7 @@ impl Simd for Neon {
     }
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn cull(children: *mut u32, t: *mut f32, count: usize, stop: f32) -> usize {
-        unsafe { Portable::cull(children, t, count, stop) }
+        unsafe { portable::cull(children, t, count, stop) }
     }
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn places(from: *const u8) -> [uint8x16_t; 2] {
@@ -162,7 +164,7 @@ impl Simd for Neon {
     }
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn transpose(from: *const f32, stride: usize, to: *mut f32, to_stride: usize) {
-        unsafe { Portable::transpose(from, stride, to, to_stride) }
+        unsafe { portable::transpose(from, stride, to, to_stride) }
     }
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn push(
@@ -177,8 +179,8 @@ impl Simd for Neon {
         unsafe {
             let mut numbers = [0.0; 8];
             Self::store(numbers.as_mut_ptr(), t);
-            let mask = Portable::mask(Self::bits(mask));
-            Portable::push(children, numbers, mask, order, direction, to_children, to_t)
+            let met = Self::bits(mask);
+            portable::push(children, &numbers, met, order, direction, to_children, to_t)
         }
     }
     #[cfg_attr(not(unoptimised), inline(always))]

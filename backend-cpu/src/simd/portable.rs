@@ -6,8 +6,12 @@ use super::f32x16::ArrayF32x16;
 use super::references::ReferenceOps;
 use super::{Direction, Simd};
 
-/// [`Simd`] by loops over arrays.
+/// [`Simd`] by loops over arrays. Sets with intrinsics take its place where every processor has them.
 #[derive(Clone, Copy)]
+#[cfg_attr(
+    not(test),
+    allow(dead_code, reason = "not on targets whose every processor has vectors")
+)]
 pub(crate) struct Portable;
 
 const N: usize = 8;
@@ -107,15 +111,7 @@ impl Simd for Portable {
     }
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn cull(children: *mut u32, t: *mut f32, count: usize, stop: f32) -> usize {
-        let mut end = 0;
-        for i in 0..count {
-            unsafe {
-                let x = *t.add(i);
-                (*t.add(end), *children.add(end)) = (x, *children.add(i));
-                end += usize::from(x <= stop);
-            }
-        }
-        end
+        unsafe { cull(children, t, count, stop) }
     }
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn places(from: *const u8) -> [u8; N] {
@@ -128,11 +124,7 @@ impl Simd for Portable {
     }
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn transpose(from: *const f32, stride: usize, to: *mut f32, to_stride: usize) {
-        for i in 0..N {
-            for k in 0..N {
-                unsafe { *to.add(k * to_stride + i) = *from.add(i * stride + k) }
-            }
-        }
+        unsafe { transpose(from, stride, to, to_stride) }
     }
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn push(
@@ -144,21 +136,71 @@ impl Simd for Portable {
         to_children: *mut u32,
         to_t: *mut f32,
     ) -> u32 {
-        let (mut end, mut last) = (0, 0);
-        for i in 0..N {
-            unsafe {
-                let place = *order.add(direction.places[i] as usize) as usize % N;
-                *to_children.add(end) = *children.add(place);
-                *to_t.add(end) = t[place];
-                end += usize::from(mask[place]);
-                last = if mask[place] { *children.add(place) } else { last };
-            }
-        }
-        last
+        unsafe { push(children, &t, Self::bits(mask), order, direction, to_children, to_t) }
     }
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn product_error(a: [f32; N], b: [f32; N]) -> [f32; N] {
         // 24 + 24 bits fit the 53 of an f64.
         each(|i| (f64::from(a[i]) * f64::from(b[i]) - f64::from(a[i] * b[i])) as f32)
     }
+}
+
+/// [`Simd::cull`] of any set of eight lanes.
+///
+/// # Safety
+/// As there.
+#[cfg_attr(not(unoptimised), inline(always))]
+pub(super) unsafe fn cull(children: *mut u32, t: *mut f32, count: usize, stop: f32) -> usize {
+    let mut end = 0;
+    for i in 0..count {
+        unsafe {
+            let x = *t.add(i);
+            (*t.add(end), *children.add(end)) = (x, *children.add(i));
+            end += usize::from(x <= stop);
+        }
+    }
+    end
+}
+
+/// [`Simd::transpose`] of any set of eight lanes.
+///
+/// # Safety
+/// As there.
+#[cfg_attr(not(unoptimised), inline(always))]
+#[cfg_attr(target_arch = "x86_64", allow(dead_code, reason = "SSE2 has its own"))]
+pub(super) unsafe fn transpose(from: *const f32, stride: usize, to: *mut f32, to_stride: usize) {
+    for i in 0..N {
+        for k in 0..N {
+            unsafe { *to.add(k * to_stride + i) = *from.add(i * stride + k) }
+        }
+    }
+}
+
+/// [`Simd::push`] of any set of eight lanes: `numbers` are the lanes of `t`, `met` is the mask.
+///
+/// # Safety
+/// As there.
+#[cfg_attr(not(unoptimised), inline(always))]
+pub(super) unsafe fn push(
+    children: *const u32,
+    numbers: &[f32; N],
+    met: u32,
+    order: *const u8,
+    direction: &Direction,
+    to_children: *mut u32,
+    to_t: *mut f32,
+) -> u32 {
+    let (mut end, mut last) = (0, 0);
+    for i in 0..N {
+        unsafe {
+            let place = *order.add(direction.places[i] as usize) as usize % N;
+            let child = *children.add(place);
+            *to_children.add(end) = child;
+            *to_t.add(end) = numbers[place];
+            let counts = met >> place & 1;
+            end += counts as usize;
+            last = if counts != 0 { child } else { last };
+        }
+    }
+    last
 }

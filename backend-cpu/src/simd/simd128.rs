@@ -6,7 +6,7 @@
 use core::arch::wasm32::*;
 
 use super::f32x16::ArrayF32x16;
-use super::portable::Portable;
+use super::portable;
 use super::references::ReferenceOps;
 use super::{Direction, Simd};
 
@@ -126,7 +126,7 @@ impl Simd for Simd128 {
     }
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn cull(children: *mut u32, t: *mut f32, count: usize, stop: f32) -> usize {
-        unsafe { Portable::cull(children, t, count, stop) }
+        unsafe { portable::cull(children, t, count, stop) }
     }
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn places(from: *const u8) -> Lanes {
@@ -151,7 +151,7 @@ impl Simd for Simd128 {
     }
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn transpose(from: *const f32, stride: usize, to: *mut f32, to_stride: usize) {
-        unsafe { Portable::transpose(from, stride, to, to_stride) }
+        unsafe { portable::transpose(from, stride, to, to_stride) }
     }
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn push(
@@ -166,18 +166,8 @@ impl Simd for Simd128 {
         unsafe {
             let mut numbers = [0.0; 8];
             Self::store(numbers.as_mut_ptr(), t);
-            let bits = Self::bits(mask);
-            let (mut end, mut last) = (0, 0);
-            for i in 0..8 {
-                let place = *order.add(direction.places[i] as usize) as usize % 8;
-                let child = *children.add(place);
-                *to_children.add(end) = child;
-                *to_t.add(end) = numbers[place];
-                let counts = bits >> place & 1;
-                end += counts as usize;
-                last = if counts != 0 { child } else { last };
-            }
-            last
+            let met = Self::bits(mask);
+            portable::push(children, &numbers, met, order, direction, to_children, to_t)
         }
     }
     #[cfg_attr(not(unoptimised), inline(always))]

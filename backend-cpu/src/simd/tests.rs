@@ -353,4 +353,6 @@ fn sets_do_what_is_said() {
         // SAFETY: the processor has it.
         unsafe { set.run(Operations) };
     }
+    // SAFETY: plain Rust.
+    unsafe { portable::Portable::call(Operations) };
 }

@@ -181,13 +181,16 @@ pub(crate) unsafe fn test_either<S: Simd, T: TriangleBlock, K: Keep>(
 ) -> bool {
     // SAFETY: the caller's contract.
     unsafe {
-        match written {
-            None => test::<S, T, K>(ray_state, block, how, best),
-            Some(block) if how.0.accuracy == Accuracy::Watertight => {
+        if S::WRITES_OUT
+            && let Some(block) = written
+        {
+            return if how.0.accuracy == Accuracy::Watertight {
                 S::call(WrittenTest::<_, true> { ray_state, block, how, best })
-            }
-            Some(block) => S::call(WrittenTest::<_, false> { ray_state, block, how, best }),
+            } else {
+                S::call(WrittenTest::<_, false> { ray_state, block, how, best })
+            };
         }
+        test::<S, T, K>(ray_state, block, how, best)
     }
 }
 

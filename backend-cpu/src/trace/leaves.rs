@@ -31,7 +31,7 @@ pub(crate) trait Leaves: Copy {
 
     /// A block as one with corners written out, if it is that and is not read so already.
     #[cfg_attr(not(unoptimised), inline(always))]
-    fn written<'b>(_: &Self::Block<'b>) -> Option<WrittenBlock<'b>>
+    fn written<'b, S: Simd>(_: &Self::Block<'b>) -> Option<WrittenBlock<'b>>
     where
         Self: 'b,
     {
@@ -89,11 +89,11 @@ impl<'a> Leaves for PackedLeaves<'a> {
     }
 
     #[cfg_attr(not(unoptimised), inline(always))]
-    fn written<'b>(block: &PackedBlock<'b>) -> Option<WrittenBlock<'b>>
+    fn written<'b, S: Simd>(block: &PackedBlock<'b>) -> Option<WrittenBlock<'b>>
     where
         Self: 'b,
     {
-        WrittenBlock::of(block)
+        if S::WRITES_OUT { WrittenBlock::of(block) } else { None }
     }
 
     #[cfg_attr(not(unoptimised), inline(always))]

@@ -500,10 +500,12 @@ pub(crate) unsafe fn sift_either<S: Simd, T: TriangleBlock>(
 ) -> Option<Sifted> {
     // SAFETY: the caller's contract.
     unsafe {
-        match written {
-            None => sift::<S, T>(ray_state, reach, block, limit, culling),
-            Some(block) => S::call(SiftWritten { ray_state, reach, block, limit, culling }),
+        if S::WRITES_OUT
+            && let Some(block) = written
+        {
+            return S::call(SiftWritten { ray_state, reach, block, limit, culling });
         }
+        sift::<S, T>(ray_state, reach, block, limit, culling)
     }
 }
 

@@ -53,7 +53,7 @@ impl Compiled for Single<'_> {
             if !is_usual {
                 return S::call(Unusual(self));
             }
-            if layout.is_written() {
+            if S::WRITES_OUT && layout.is_written() {
                 return S::call(ThroughWritten(self));
             }
             // These are asked block by block even so: by count that takes less than leaves that are known to be shared.

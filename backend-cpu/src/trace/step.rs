@@ -315,12 +315,12 @@ impl<L: Leaves, K: Keep> Compiled for TestLeaf<'_, '_, L, K> {
                 match exact {
                     Some((exact, rays)) => {
                         let ray = (*rays, &**ray_state);
-                        let block = (&block, L::written(&block));
+                        let block = (&block, L::written::<S>(&block));
                         exact.test::<S, _>(ray, block, options, query, &mut best.stop)
                     }
                     None => leaf::test_either::<S, _, _>(
                         ray_state,
-                        (&block, L::written(&block)),
+                        (&block, L::written::<S>(&block)),
                         (options, query, keep),
                         best,
                     ),

@@ -164,7 +164,7 @@ unsafe fn fly<S: Simd, L: Leaves>(
     let (lanes, exact) = (lanes[..FLIGHT].as_mut_ptr(), exact[..FLIGHT].as_mut_ptr());
     let lanes = Lanes { lanes, exact, room, lines: lines.as_ptr(), leaves };
     let how = (options, query, exactly.then_some(rays));
-    let mut blocks = if layout.is_written() {
+    let mut blocks = if S::WRITES_OUT && layout.is_written() {
         EveryBlock::<L>::Written(lanes.blocks(WrittenLeaves::new(layout), how))
     } else {
         EveryBlock::<L>::Shared(lanes.blocks(leaves.shared(), how))
@@ -217,8 +217,9 @@ unsafe fn fly<S: Simd, L: Leaves>(
         unsafe {
             queues = S::call(AtNodes(&lanes, queues));
             queues = match &mut blocks {
+                EveryBlock::Written(blocks) if S::WRITES_OUT => blocks.take_turns::<S>(queues),
                 EveryBlock::Shared(blocks) => blocks.take_turns::<S>(queues),
-                EveryBlock::Written(blocks) => blocks.take_turns::<S>(queues),
+                EveryBlock::Written(_) => queues,
             };
         }
     }

@@ -3,7 +3,6 @@
 use core::marker::PhantomData;
 use std::collections::TryReserveError;
 
-use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::Arithmetic;
 use splitplane_core::build::bins::{BinAxis, NodeBins};
@@ -21,6 +20,7 @@ use crate::build::twin::kernels::{split_binned, split_median};
 use crate::build::twin::small_root::SmallRootCosts;
 use crate::build::twin::subtrees::Subtrees;
 use crate::cancel::ProgressMeter;
+use crate::parallel::{Parallel, ParallelSlice};
 use crate::simd::columns::Columns;
 use crate::simd::references::TILE;
 use crate::simd::{Compiled, InstructionSet, Simd, WIDTH};

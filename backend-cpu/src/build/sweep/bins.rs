@@ -10,7 +10,6 @@ mod open_events;
 use core::sync::atomic::AtomicU64;
 use core::sync::atomic::Ordering::Relaxed;
 
-use rayon::prelude::*;
 use splitplane_core::error::BuildError;
 use splitplane_core::layout::Reference;
 
@@ -23,6 +22,7 @@ use super::grid::{FaceBins, FaceCounts, Grid, MOST, count_faces};
 use super::matches::Ranges;
 use super::small::Small;
 use crate::cancel::ProgressMeter;
+use crate::parallel::{Parallel, ParallelSlice};
 use crate::simd::InstructionSet;
 use crate::span;
 
@@ -264,10 +264,9 @@ impl BinSearch<'_> {
         // The result of another task; a hint that affects only how long the search takes.
         let least = AtomicU64::new(self.limit.to_bits());
         let _loop = span::pieces_of(1);
-        let best = lists
-            .into_par_iter()
-            .with_max_len(1)
-            .map(|(number, open, list)| {
+        let best = lists.par_iter_mut().with_max_len(1).reduce(
+            BestSplit::below(self.limit),
+            |(number, open, list)| {
                 let _piece = span::piece();
                 let mut best = BestSplit::below(self.limit);
                 if open.least > f64::from_bits(least.load(Relaxed)) {
@@ -275,7 +274,7 @@ impl BinSearch<'_> {
                 }
                 let mut end = 0;
                 for part in parts {
-                    let events = part.of(number);
+                    let events = part.of(*number);
                     list[end..end + events.len()].copy_from_slice(events);
                     end += events.len();
                 }
@@ -287,16 +286,13 @@ impl BinSearch<'_> {
                     least.fetch_min(best.cost.to_bits(), Relaxed);
                 }
                 best
-            })
-            .reduce(
-                || BestSplit::below(self.limit),
-                |mut one, other| {
-                    if let Some(split) = other.split {
-                        one.offer(split);
-                    }
-                    one
-                },
-            );
+            },
+            |best, other| {
+                if let Some(split) = other.split {
+                    best.offer(split);
+                }
+            },
+        );
         Ok(best.split)
     }
 

@@ -2,7 +2,6 @@
 
 use std::collections::TryReserveError;
 
-use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::error::BuildError;
 use splitplane_core::layout::Reference;
@@ -14,6 +13,7 @@ use super::cost::{Cell, Split};
 use super::emit::Built;
 use super::node::OpenNode;
 use super::partition::partition;
+use crate::parallel::{Parallel, ParallelSlice};
 use crate::span;
 
 /// A node of at most this many references is one task.
@@ -145,16 +145,18 @@ impl BuildContext<'_> {
             return Ok(([left, list], counts));
         }
         // In parts, which are then put together; they differ in length.
-        let mut counts: Vec<[usize; 2]> = self.memory.temporary(count.div_ceil(CHUNK))?;
+        let parts = count.div_ceil(CHUNK);
+        let mut counts: Vec<[usize; 2]> = self.memory.temporary(parts)?;
+        counts.resize(parts, [0; 2]);
         let dividing = span::pieces_of(1);
         list[..count]
             .par_chunks_mut(CHUNK)
             .zip(left[..count].par_chunks_mut(CHUNK))
-            .map(|(references, left)| {
+            .zip(&mut counts)
+            .for_each(|((references, left), counts)| {
                 let _piece = span::piece();
-                move_some(references, left)
-            })
-            .collect_into_vec(&mut counts);
+                *counts = move_some(references, left);
+            });
         drop(dividing);
         let sides = [0, 1].map(|side| counts.iter().map(|counts| counts[side]).sum::<usize>());
         let together = |list: Vec<Reference>, side: usize| -> Result<_, BuildError> {
@@ -167,7 +169,7 @@ impl BuildContext<'_> {
                 parts.push((&from[..counts[side]], to));
             }
             let _loop = span::pieces_of(1);
-            parts.into_par_iter().for_each(|(from, to)| {
+            parts.par_iter_mut().for_each(|(from, to)| {
                 let _piece = span::piece();
                 if !self.meter.record_work(from.len() as u64) {
                     to.copy_from_slice(from);

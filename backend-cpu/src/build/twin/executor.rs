@@ -43,7 +43,7 @@ pub struct CpuExecutor<'a, A = Strict> {
 
 impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
     /// An executor ready for [`splitplane_core::build::schedule::build`]. `buffers` may come from an
-    /// earlier build; `set` must come from [`InstructionSet::available`], or the portable one serves.
+    /// earlier build; `set` must come from [`InstructionSet::available`], or the least one serves.
     ///
     /// # Errors
     /// More memory than `limit` allows.

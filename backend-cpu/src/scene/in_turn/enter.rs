@@ -5,6 +5,7 @@
 
 use splitplane_core::backend::scene::{Asked, SceneAnswer, seen_by};
 use splitplane_core::query::intersect::SceneScale;
+use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::QueryOptions;
 use splitplane_core::scene::{InstanceId, LEAST_OF_WAY, Placement, TOP_INSTANCE};
 
@@ -185,7 +186,7 @@ unsafe fn go_in<'b, S: Simd, T: SceneAnswer, L: Found<'b>>(
     let (mut ready, mut alone) = (0, u32::MAX);
     if count >= FEW {
         // SAFETY: the caller's contract.
-        (ready, alone) = unsafe { group.prepare::<S, T>() };
+        (ready, alone) = unsafe { S::call(Prepare { group: &mut *group, query: T::QUERY }) };
     }
     for place in 0..count {
         let number = group.lanes[place] as usize;
@@ -211,13 +212,29 @@ unsafe fn go_in<'b, S: Simd, T: SceneAnswer, L: Found<'b>>(
     }
 }
 
+/// [`Group::prepare`], which depends on neither answers nor layouts: compiled once for a set.
+struct Prepare<'a> {
+    group: &'a mut Group,
+    query: Query,
+}
+
+impl Compiled for Prepare<'_> {
+    type Output = (u32, u32);
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn run<S: Simd>(self) -> (u32, u32) {
+        // SAFETY: the caller's contract.
+        unsafe { self.group.prepare::<S>(self.query) }
+    }
+}
+
 impl Group {
     /// Takes the rays into their instances' spaces and prepares them. Returns those that are ready, as bits, and those that need more care.
     ///
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn prepare<S: Simd, T: SceneAnswer>(&mut self) -> (u32, u32) {
+    unsafe fn prepare<S: Simd>(&mut self, query: Query) -> (u32, u32) {
         // SAFETY: the caller's contract.
         let (rays, ways, scales) =
             unsafe { (self.rays.rows::<S>(), self.ways.rows::<S>(), self.scales.rows::<S>()) };
@@ -238,7 +255,7 @@ impl Group {
         }
         (seen[3], seen[7]) = (*t_min, *limit);
         let scales: &[PerRay<f32, GROUP>; RECORD_OF_SCALE] = &scales;
-        self.prepared.fill_rows(&seen, GROUP, scales, 0, T::QUERY);
+        self.prepared.fill_rows(&seen, GROUP, scales, 0, query);
         let (mut ready, mut alone) = (0, 0);
         for i in 0..GROUP {
             let within = u32::from(self.prepared.enter[i] <= self.prepared.exit[i]);

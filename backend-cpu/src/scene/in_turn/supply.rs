@@ -16,6 +16,7 @@ use crate::scene::found::Found;
 use crate::scene::single::{Followed, Following, SceneSingle};
 use crate::scene::together::{Room, Together};
 use crate::scene::turn_ray::TurnRay;
+use crate::scene::way::{LoadWay, TopRays};
 use crate::simd::{Compiled, Simd};
 use crate::trace::prepare::CHUNK;
 use crate::trace::ray_state::RayState;
@@ -121,7 +122,7 @@ impl<'b, T: SceneAnswer, L: Found<'b>> Compiled for Load<'_, 'b, T, L> {
         let answers = &mut answers[supply.start..][..count];
         let way = &mut supply.room.way;
         // SAFETY: the caller's contract.
-        let usual = unsafe { way.load::<S>(rays, tree.reach()) };
+        let usual = unsafe { S::call(LoadWay { way: &mut *way, rays, reach: tree.reach() }) };
         let bounds = tree.bounds();
         let mut extents = 0.0;
         for axis in 0..3 {
@@ -145,7 +146,7 @@ impl<'b, T: SceneAnswer, L: Found<'b>> Compiled for Load<'_, 'b, T, L> {
             }
         }
         // SAFETY: the caller's contract.
-        unsafe { supply.room.way.top_rays::<S>(&mut supply.ready) };
+        unsafe { S::call(TopRays { way: &supply.room.way, to: &mut supply.ready }) };
         0
     }
 }

@@ -247,7 +247,7 @@ impl Packet {
     ) {
         // SAFETY: the caller's contract; blocks are of the kind that the layout says.
         unsafe {
-            if layout.is_written() {
+            if S::WRITES_OUT && layout.is_written() {
                 let (packet, asked) = (self, (options, query));
                 return S::call(WalkWritten::<G, EXACT> { packet, layout, rays, asked });
             }

@@ -5,7 +5,6 @@
 
 use core::marker::PhantomData;
 
-use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::Arithmetic;
 use splitplane_core::build::bins::BinAxis;
@@ -15,6 +14,7 @@ use splitplane_core::layout::{Chunk, ChunkBins, Reference};
 use super::GRAIN;
 use crate::build::twin::count_bins::count_axis;
 use crate::cancel::ProgressMeter;
+use crate::parallel::{Parallel, ParallelSlice};
 use crate::simd::{Compiled, InstructionSet, Simd};
 use crate::span;
 

@@ -5,7 +5,6 @@
 
 use std::sync::Mutex;
 
-use rayon::prelude::*;
 use splitplane_core::arithmetic::Arithmetic;
 use splitplane_core::build::middle::{LEVEL_REFERENCES, Region};
 use splitplane_core::build::reference::Parts;
@@ -15,6 +14,7 @@ use splitplane_core::layout::{MiddleRoot, Reference, SmallRoot, TopNode};
 use splitplane_core::triangle::Triangle;
 
 use crate::cancel::ProgressMeter;
+use crate::parallel::{Parallel, ParallelSlice};
 
 /// The regions of all roots.
 #[derive(Debug)]

@@ -6,7 +6,6 @@
 use core::marker::PhantomData;
 use std::collections::TryReserveError;
 
-use rayon::prelude::*;
 use splitplane_core::arithmetic::Arithmetic;
 use splitplane_core::config::BuildConfig;
 use splitplane_core::layout::{Extent, Reference, SmallRoot};
@@ -14,6 +13,7 @@ use splitplane_core::layout::{Extent, Reference, SmallRoot};
 use crate::build::twin::small_root::{SmallRootBuilder, SmallRootCosts};
 use crate::build::twin::subtrees::Subtrees;
 use crate::cancel::ProgressMeter;
+use crate::parallel::{Parallel, ParallelSlice};
 use crate::simd::InstructionSet;
 use crate::simd::references::ReferenceOps;
 use crate::simd::{Compiled, Simd};

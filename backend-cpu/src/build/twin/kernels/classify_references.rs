@@ -3,7 +3,6 @@
 //! Reads: decisions, references, corners of those that a plane cuts. Writes: the sides each reference
 //! goes to, and how many of the chunk's, of its span's and of its node's go to each.
 
-use rayon::prelude::*;
 use splitplane_core::arithmetic::Arithmetic;
 use splitplane_core::build::reference::kernels::count_children;
 use splitplane_core::build::split::{goes_left, goes_right};
@@ -12,6 +11,7 @@ use splitplane_core::triangle::{Triangle, clip, corners_on_both_sides};
 
 use super::GRAIN;
 use crate::cancel::ProgressMeter;
+use crate::parallel::{Parallel, ParallelSlice};
 use crate::span;
 
 /// Runs the kernel.

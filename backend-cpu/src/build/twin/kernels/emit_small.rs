@@ -3,13 +3,13 @@
 //! Reads: small roots, their references, their addresses. Writes: nodes and references of their
 //! subtrees. Devices build each subtree again; here `build_small` has kept it.
 
-use rayon::prelude::*;
 use splitplane_core::layout::{Extent, SmallRoot};
 use splitplane_core::tree::node::{KdNode, NodeKind};
 
 use crate::build::twin::subtrees::Subtrees;
 use crate::cancel::ProgressMeter;
 use crate::memory::Scatter;
+use crate::parallel::{Parallel, ParallelSlice};
 use crate::span;
 
 /// Runs the kernel. `subtrees` holds an element for each `batch` roots.

@@ -2,7 +2,6 @@
 //!
 //! Reads: snapped corners, scanned counts. Writes: a reference for each triangle kept, in order.
 
-use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::config::CHUNK;
 use splitplane_core::layout::{Reference, Sides};
@@ -11,6 +10,7 @@ use splitplane_core::triangle::{Triangle, prepare};
 use super::GRAIN;
 use crate::cancel::ProgressMeter;
 use crate::memory::Scatter;
+use crate::parallel::{Parallel, ParallelSlice};
 use crate::span;
 
 /// Runs the kernel. `references` is as long as there are triangles kept.

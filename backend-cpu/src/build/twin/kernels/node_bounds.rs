@@ -3,12 +3,12 @@
 //! Reads: bounds of the parent's chunks on the node's side. Writes: the node's chunks and tight bounds
 //! (segmented reduction, Zhou et al. 2008, Algorithm 2).
 
-use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::layout::{Chunk, ChunkBounds, LargeNode};
 
 use super::{GRAIN, name_chunks};
 use crate::cancel::ProgressMeter;
+use crate::parallel::{Parallel, ParallelSlice};
 use crate::span;
 
 /// Runs the kernel.

@@ -3,7 +3,6 @@
 //! Reads: decisions, sides, counts, references, corners of those that a plane cuts. Writes:
 //! the references of the children, clipped to their side, in order; bounds by chunk and child.
 
-use rayon::prelude::*;
 use splitplane_core::aabb::{Aabb, max, min};
 use splitplane_core::arithmetic::Arithmetic;
 use splitplane_core::layout::{Chunk, ChunkBounds, ChunkSides, Decision, Reference, Sides};
@@ -12,6 +11,7 @@ use splitplane_core::triangle::{Triangle, clip};
 use super::GRAIN;
 use crate::cancel::ProgressMeter;
 use crate::memory::Scatter;
+use crate::parallel::{Parallel, ParallelSlice};
 use crate::span;
 
 /// What the kernel reads.

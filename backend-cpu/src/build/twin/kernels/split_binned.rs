@@ -4,7 +4,6 @@
 //! empty space, then a split or a transfer to the small list.
 //! Ties: least expected cost, then axis, then position.
 
-use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::Arithmetic;
 use splitplane_core::build::bins::NodeBins;
@@ -13,6 +12,7 @@ use splitplane_core::config::{BuildConfig, CHUNK};
 use splitplane_core::layout::{ChunkBins, Decision, LargeNode};
 
 use crate::cancel::ProgressMeter;
+use crate::parallel::{Parallel, ParallelSlice};
 use crate::span;
 
 /// Runs the kernel.

@@ -4,7 +4,6 @@
 //! separates nothing. Writes: the node's chunks; the decision: cuts of empty space, then a split or a transfer to the small list.
 //! Ties: axes in order, then lower positions.
 
-use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::Arithmetic;
 use splitplane_core::build::reference::kernels::split_median_while;
@@ -14,6 +13,7 @@ use splitplane_core::layout::{Chunk, ChunkBounds, Decision, LargeNode, Reference
 use super::node_bounds::tight;
 use super::{GRAIN, name_chunks};
 use crate::cancel::ProgressMeter;
+use crate::parallel::{Parallel, ParallelSlice};
 use crate::span;
 
 /// Runs the kernel.

@@ -3,7 +3,6 @@
 //! Reads: the mesh. Writes: snapped corners of every triangle; for each chunk the number of
 //! triangles kept (left) and snapped (right), and the bounds of those kept (left).
 
-use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::config::CHUNK;
 use splitplane_core::layout::{ChunkBounds, Sides};
@@ -12,6 +11,7 @@ use splitplane_core::triangle::{Triangle, prepare};
 
 use super::GRAIN;
 use crate::cancel::ProgressMeter;
+use crate::parallel::{Parallel, ParallelSlice};
 use crate::span;
 
 /// Runs the kernel.
