@@ -10,7 +10,9 @@ use splitplane::scene::obj::{ObjError, ObjProblem};
 use splitplane::scene::{AnimationError, MeshFileError, MeshFileProblem, SceneError};
 use splitplane::tracer::TracerError;
 use splitplane::{BuildError, DeviceError, MeshError, OpenError, QueryError};
+#[cfg(feature = "measure")]
 use splitplane_measure::paper::ReportError;
+#[cfg(feature = "measure")]
 use splitplane_measure::trade::TradeError;
 use std::process::ExitCode;
 
@@ -309,6 +311,7 @@ fn gpu_code(error: &splitplane::gpu::GpuError) -> u8 {
     }
 }
 
+#[cfg(feature = "measure")]
 impl From<ReportError> for Failure {
     fn from(error: ReportError) -> Failure {
         match error {
@@ -327,6 +330,7 @@ impl From<ReportError> for Failure {
     }
 }
 
+#[cfg(feature = "measure")]
 impl From<TradeError> for Failure {
     fn from(error: TradeError) -> Failure {
         match error {

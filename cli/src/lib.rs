@@ -19,6 +19,8 @@ mod look;
 mod made;
 pub mod merge;
 mod mesa;
+#[cfg(not(all(feature = "measure", feature = "viewer")))]
+mod missing;
 pub mod npy;
 mod objects;
 mod objects_built;
@@ -26,6 +28,7 @@ mod objects_report;
 mod options;
 mod output;
 mod own_files;
+#[cfg(feature = "measure")]
 mod paper;
 mod parity;
 mod part_file;
@@ -45,6 +48,7 @@ mod shell;
 mod stage;
 mod stats;
 mod table;
+#[cfg(feature = "measure")]
 mod trade;
 mod tree;
 mod verify;
@@ -94,8 +98,10 @@ enum Verb {
     /// Build a scene on CPU and GPU in lockstep and name the first value that differs.
     Parity(parity::Arguments),
     /// Measure what the paper and its survey report, on scenes, and draw their figures.
+    #[cfg(feature = "measure")]
     Paper(paper::Arguments),
     /// Measure what each setting costs on a scene and what it gets wrong, and recommend one.
+    #[cfg(feature = "measure")]
     Trade(trade::Arguments),
     /// Write a scene as .ply or .glb.
     Convert(convert::Arguments),
@@ -108,6 +114,10 @@ enum Verb {
     Man(shell::ManPages),
     #[command(name = probe::VERB, hide = true)]
     Probe(probe::Arguments),
+    /// A verb of a build with more features.
+    #[cfg(not(all(feature = "measure", feature = "viewer")))]
+    #[command(flatten)]
+    Missing(missing::Verb),
 }
 
 impl Cli {
@@ -131,13 +141,15 @@ impl Cli {
                 Verb::Adapters(_)
                 | Verb::Convert(_)
                 | Verb::Merge(_)
-                | Verb::Paper(_)
                 | Verb::Points(_)
-                | Verb::Trade(_)
                 | Verb::Completions(_)
                 | Verb::Man(_)
                 | Verb::Probe(_),
             ) => return Ok(()),
+            #[cfg(feature = "measure")]
+            Some(Verb::Paper(_) | Verb::Trade(_)) => return Ok(()),
+            #[cfg(not(all(feature = "measure", feature = "viewer")))]
+            Some(Verb::Missing(_)) => return Ok(()),
             #[cfg(feature = "viewer")]
             Some(Verb::View(arguments)) => &arguments.common,
         };
@@ -183,13 +195,17 @@ pub fn main() -> ExitCode {
         Some(Verb::Adapters(arguments)) => adapters::run(&arguments),
         Some(Verb::Parity(arguments)) => parity::run(&arguments),
         Some(Verb::Convert(arguments)) => convert::run(&arguments),
+        #[cfg(feature = "measure")]
         Some(Verb::Paper(arguments)) => paper::run(&arguments),
+        #[cfg(feature = "measure")]
         Some(Verb::Trade(arguments)) => trade::run(&arguments),
         #[cfg(feature = "viewer")]
         Some(Verb::View(arguments)) => view::run(&arguments),
         Some(Verb::Completions(arguments)) => shell::completions(&arguments),
         Some(Verb::Man(arguments)) => shell::man_pages(&arguments),
         Some(Verb::Probe(arguments)) => probe::run(&arguments),
+        #[cfg(not(all(feature = "measure", feature = "viewer")))]
+        Some(Verb::Missing(verb)) => verb.run(),
     });
     match done {
         Ok(()) => {
