@@ -1,8 +1,6 @@
 //! Scenes of many objects against one mesh of everything, and against what transforms make of triangles in `f64`.
 
-use crate::common::built;
-use crate::common::coarse;
-use crate::common::long;
+use crate::common::{built, coarse, long};
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::scene::{SceneAccelerator, SceneAllHitsOptions};
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions};

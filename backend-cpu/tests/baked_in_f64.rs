@@ -7,8 +7,7 @@
 #[path = "common/in_world.rs"]
 mod in_world;
 
-use crate::common::built;
-use crate::common::long;
+use crate::common::{built, long};
 use in_world::{Object, World};
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::scene::SceneAccelerator;

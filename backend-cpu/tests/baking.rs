@@ -1,7 +1,6 @@
 //! Chosen instances as one mesh, against the scene from which they were baked.
 
-use crate::common::built;
-use crate::common::coarse;
+use crate::common::{built, coarse};
 use splitplane_core::backend::scene::{SceneAccelerator, SceneAllHitsOptions};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Accuracy, Culling, Ray};

@@ -5,8 +5,7 @@
 
 use core::ops::ControlFlow;
 
-use crate::common::ask;
-use crate::common::long;
+use crate::common::{ask, long};
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
 use splitplane_core::config::Preset;

@@ -1,7 +1,6 @@
 //! Closest points of accuracy `exact`: the nearest triangle of rational arithmetic, on meshes where many are as near, or almost.
 
-use crate::common::ask;
-use crate::common::long;
+use crate::common::{ask, long};
 use splitplane_core::backend::scene::{
     HostScene, SceneAccelerator, SceneClosestPoint, SceneClosestPointOptions,
 };

@@ -1,8 +1,6 @@
 //! Scenes of many objects: every path finds the hits that all instances give, one after the other.
 
-use crate::common::built_by;
-use crate::common::long;
-use crate::common::scene_bits;
+use crate::common::{built_by, long, scene_bits};
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::scene::SceneAccelerator;
 use splitplane_core::ray::{Accuracy, Culling, Ray};

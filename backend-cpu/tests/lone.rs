@@ -2,8 +2,7 @@
 
 use core::ops::ControlFlow;
 
-use crate::common::built_by;
-use crate::common::scene_bits;
+use crate::common::{built_by, scene_bits};
 use splitplane_core::backend::scene::SceneAccelerator;
 use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::error::QueryError;

@@ -1,7 +1,6 @@
 //! Rays that go the same way through scenes, as those of a camera or towards a light: they are answered together, and as they are alone.
 
-use crate::common::built_by;
-use crate::common::scene_bits;
+use crate::common::{built_by, scene_bits};
 use splitplane_core::backend::scene::SceneAccelerator;
 use splitplane_core::ray::{Accuracy, Culling, Ray};
 use splitplane_core::scene::{Scene, SceneHit, SceneOptions};
