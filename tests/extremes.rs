@@ -238,7 +238,7 @@ mod suite {
 
     /// `SPLITPLANE_LONG=1` casts 20 times as many rays.
     fn effort() -> usize {
-        if std::env::var_os("SPLITPLANE_LONG").is_some_and(|value| value == "1") { 20 } else { 1 }
+        if crate::common::long() { 20 } else { 1 }
     }
 
     fn go_through(scene: &Scene, each: usize) -> (usize, [usize; 3]) {
