@@ -220,7 +220,7 @@ fn pinned(name: &str, preset: Preset) -> Option<String> {
         Preset::Balanced => (preset.name(), format!("{name} digest ")),
         _ => (&*name, "digest ".to_owned()),
     };
-    let path = format!("tests/snapshots/trees__{file}.snap");
+    let path = format!("tests/snapshots/suite__trees__{file}.snap");
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(path);
     let text = std::fs::read_to_string(path).ok()?;
     let rest = text.lines().find_map(|line| line.strip_prefix(&*start));

@@ -4,7 +4,7 @@
 //! 64. On the machine that made them they are equal; elsewhere nothing should differ either, since
 //! every operation is rounded once, but trees may come to tell hits on edges apart in another order.
 //!
-//! `SPLITPLANE_UPDATE_IMAGES=1 cargo test --test images` writes them anew; look at them before you
+//! `SPLITPLANE_UPDATE_IMAGES=1 cargo test --test suite images::` writes them anew; look at them before you
 //! commit.
 
 use image::RgbImage;
