@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use crate::common::{self, own_gpu};
+use crate::common::{self, PATIENCE, own_gpu};
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::error::{BuildError, DeviceError, QueryError};
 use splitplane_core::kernel::Kernel;
@@ -16,9 +16,6 @@ use splitplane_cpu::{CpuAccelerator, CpuBackend};
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::scenes::{self, Scene};
 use splitplane_wgpu::{DeviceQueryError, Gpu, GpuError, Parity, Queries, WgpuBackend};
-
-/// Longer than anything here takes by far; what takes longer hangs.
-const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A device that a test may destroy: an own one, and one of a host, whose loss nobody reports.
 fn devices() -> [Gpu; 2] {

@@ -3,7 +3,7 @@
 
 use std::time::{Duration, Instant};
 
-use crate::common::{self, untested_backend as backend};
+use crate::common::{self, PATIENCE, untested_backend as backend};
 use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::error::BuildError;
@@ -56,7 +56,7 @@ fn polled(mut pending: PendingBuild) -> Result<DeviceBuild, BuildError> {
         if let Some(built) = pending.poll()? {
             return Ok(built);
         }
-        assert!(start.elapsed() < Duration::from_secs(600), "a build hangs");
+        assert!(start.elapsed() < PATIENCE, "a build hangs");
         std::thread::sleep(Duration::from_micros(200));
     }
 }

@@ -17,8 +17,9 @@ use splitplane_wgpu::{Gpu, Parity, Queries, WgpuBackend};
 
 pub(crate) use device::{gpu, is_llvmpipe, options, own_gpu};
 
-/// How long a test waits for a device that works.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(120);
+/// Longer than anything takes by far, beside as many other tests as there are cores; what takes longer
+/// hangs.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(600);
 
 /// Queries of the shared device, which was not tested.
 pub(crate) fn queries() -> Arc<Queries> {
