@@ -1,17 +1,17 @@
-//! Whichever request for memory the system refuses, the work ends in an error that says so, and what was
-//! there before serves as before.
+//! Whichever request for memory the system refuses, the work ends in an error that says so, and
+//! what was there before serves as before.
 //!
-//! On one thread each request is refused in turn, whatever its size: no request of a build, a load, all hits or
-//! points is exempt but those aligned to 128 bytes: these are what the thread pool's queues leave behind
-//! when they grow, which
-//! depends on what else the machine does, and nothing of ours is aligned so. On several threads those of less
-//! than [`SHARED`] bytes are granted: they are the thread
-//! pool's own, which has no way to say that it got none. Each of its queues takes 1 KiB of jobs at first,
-//! what is handed to it from outside 1.5 KiB for 63 jobs, and what threads leave to each other 2 KiB; all of
-//! that depends on the number of threads and of tasks within tasks, not on the size of what is worked on.
+//! On one thread each request is refused in turn, whatever its size: no request of a build, a load,
+//! all hits or points is exempt but those aligned to 128 bytes: these are what the thread pool's
+//! queues leave behind when they grow, which depends on what else the machine does, and nothing of
+//! ours is aligned so. On several threads those of less than [`SHARED`] bytes are granted: they are
+//! the thread pool's own, which has no way to say that it got none. Each of its queues takes 1 KiB
+//! of jobs at first, what is handed to it from outside 1.5 KiB for 63 jobs, and what threads leave
+//! to each other 2 KiB; all of that depends on the number of threads and of tasks within tasks, not
+//! on the size of what is worked on.
 //!
-//! What a thread keeps for the rays it has under way is made by its first batch. Later batches are shown to ask
-//! for nothing.
+//! What a thread keeps for the rays it has under way is made by its first batch. Later batches are
+//! shown to ask for nothing.
 
 use std::fmt::Debug;
 use std::sync::{Mutex, PoisonError};
@@ -95,7 +95,8 @@ fn refusals<T, E: Error>(
                 }
             }
         }
-        // How many requests there are depends on what a backend keeps from the work before, which refusals change.
+        // How many requests there are depends on what a backend keeps from the work before, which
+        // refusals change.
         assert!(
             errors >= last,
             "{what}: {errors} errors of {last} requests refused with all that follow"
@@ -224,7 +225,8 @@ fn large_builds_say_so() {
             let requests = refusals(
                 &what,
                 threads,
-                // Of 16 KiB at least, or it takes minutes: what asks for less asks for more as well.
+                // Of 16 KiB at least, or it takes minutes: what asks for less asks for more as
+                // well.
                 4 * SHARED,
                 |refuse| {
                     let backend = CpuBackend::new();
@@ -332,8 +334,8 @@ fn through(scene: &Scene, direction: [f32; 3], count: usize) -> Vec<Ray> {
     (0..count).map(|ray| Ray::new([0, 1, 2].map(|i| along(i, far(ray))), direction)).collect()
 }
 
-/// All hits: of the CPU's accelerator, of the reference, and put together from slices as accelerators do that
-/// know nothing better.
+/// All hits: of the CPU's accelerator, of the reference, and put together from slices as
+/// accelerators do that know nothing better.
 #[test]
 fn all_hits_say_so() {
     let _alone = alone();

@@ -1,4 +1,5 @@
-//! Tests of the GPU backend, one module a file, in one program: they share a device and what it compiled.
+//! Tests of the GPU backend, one module a file, in one program: they share a device and what it
+//! compiled.
 
 mod adapter;
 mod arithmetic;

@@ -1,7 +1,8 @@
 //! An allocator that counts, and refuses requests on demand.
 //!
-//! Bytes that are held are those of the whole process. Allocations are counted, and requests refused, on threads of [`pool`] only:
-//! a test's own thread and the harness allocate when they like.
+//! Bytes that are held are those of the whole process. Allocations are counted, and requests
+//! refused, on threads of [`pool`] only: a test's own thread and the harness allocate when they
+//! like.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -18,7 +19,8 @@ const QUEUES: usize = 128;
 static HELD: AtomicI64 = AtomicI64::new(0);
 static PEAK: AtomicI64 = AtomicI64::new(0);
 
-/// Whether threads of a [`pool`] count, and what: requests, their bytes, and by how many bytes these threads hold more.
+/// Whether threads of a [`pool`] count, and what: requests, their bytes, and by how many bytes
+/// these threads hold more.
 static COUNTING: AtomicBool = AtomicBool::new(false);
 static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
 static BYTES: AtomicUsize = AtomicUsize::new(0);
@@ -105,8 +107,8 @@ pub(crate) fn alone() -> MutexGuard<'static, ()> {
     alone
 }
 
-/// A pool whose threads' requests are counted and refused, except those that they need to end: they do after
-/// the pool is gone.
+/// A pool whose threads' requests are counted and refused, except those that they need to end: they
+/// do after the pool is gone.
 pub(crate) fn pool(threads: usize) -> ThreadPool {
     let pool = ThreadPoolBuilder::new().num_threads(threads);
     let pool = pool.start_handler(|_| COUNTS.set(true)).exit_handler(|_| COUNTS.set(false));
@@ -124,7 +126,8 @@ pub(crate) fn allocated(work: impl FnOnce()) -> (usize, usize) {
     (ALLOCATIONS.load(Relaxed), BYTES.load(Relaxed))
 }
 
-/// By how many bytes threads of pools hold more than when [`allocated`] began: for work that it does.
+/// By how many bytes threads of pools hold more than when [`allocated`] began: for work that it
+/// does.
 pub(crate) fn growth() -> i64 {
     GROWTH.load(Relaxed)
 }

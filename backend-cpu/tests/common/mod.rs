@@ -49,15 +49,16 @@ pub(crate) fn ask(
     closest
 }
 
-/// Triangles with corners on a small grid, some of them without area: they touch at corners, edges and in planes.
+/// Triangles with corners on a small grid, some of them without area: they touch at corners, edges
+/// and in planes.
 pub(crate) fn lattice(count: usize, size: f32, seed: u64) -> Vec<Triangle> {
     let mut random = Random::new(seed);
     let mut at = || (random.below(7) as f32 - 3.0) * size;
     (0..count).map(|_| [(); 3].map(|()| [at(), at(), at()])).collect()
 }
 
-/// Triangles whose coordinates are whole multiples of 2^-8: moved by powers of two they stay exact. Closed, so that
-/// points can be inside.
+/// Triangles whose coordinates are whole multiples of 2^-8: moved by powers of two they stay exact.
+/// Closed, so that points can be inside.
 pub(crate) fn coarse() -> Vec<[[f32; 3]; 3]> {
     let coarse = |x: f32| (x * 256.0).round() / 256.0;
     let ball = scenes::sphere(7, [0.0; 3], 1.0).triangles();

@@ -6,8 +6,9 @@ use std::sync::{Arc, OnceLock};
 
 use splitplane_wgpu::{Gpu, OpenOptions};
 
-/// How tests open devices: with WebGPU's default limits, on the first adapter or that which `SPLITPLANE_ADAPTER` names. Memory
-/// has no limit while shaders compile: other tests take some of it meanwhile.
+/// How tests open devices: with WebGPU's default limits, on the first adapter or that which
+/// `SPLITPLANE_ADAPTER` names. Memory has no limit while shaders compile: other tests take some of
+/// it meanwhile.
 pub(crate) fn options() -> OpenOptions {
     let adapter = std::env::var("SPLITPLANE_ADAPTER").ok();
     OpenOptions {

@@ -17,8 +17,8 @@ use splitplane_wgpu::{Gpu, Parity, Queries, WgpuBackend};
 
 pub(crate) use device::{gpu, is_llvmpipe, options, own_gpu};
 
-/// Longer than anything takes by far, beside as many other tests as there are cores; what takes longer
-/// hangs.
+/// Longer than anything takes by far, beside as many other tests as there are cores; what takes
+/// longer hangs.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(600);
 
 /// Queries of the shared device, which was not tested.
@@ -59,7 +59,8 @@ pub(crate) fn bits(hit: &Hit) -> [u32; 4] {
     [hit.t.to_bits(), hit.triangle, hit.u.to_bits(), hit.v.to_bits()]
 }
 
-/// Rays that run along x, spread a little, from the octaves of `scenes::octaves` on: deeper than any short stack.
+/// Rays that run along x, spread a little, from the octaves of `scenes::octaves` on: deeper than
+/// any short stack.
 pub(crate) fn along_x(count: u32) -> Vec<Ray> {
     let slope = |i: u32| (i as f32 * 0.618_034).fract() * 0.5 - 0.25;
     let start = |i: u32| [0.5 * (1 << (i % 20)) as f32, 0.0, 0.0];

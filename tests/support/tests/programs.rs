@@ -1,5 +1,5 @@
-//! Test programs are few, since each of them links everything that it tests; and no file of tests is
-//! left out of them.
+//! Test programs are few, since each of them links everything that it tests; and no file of tests
+//! is left out of them.
 
 use std::collections::BTreeMap;
 use std::fs;
