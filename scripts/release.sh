@@ -18,7 +18,7 @@ cargo package --locked $published
 
 step "long tests: ten million rays of random scenes, a million sequences of edits, and others that are named in the sources by SPLITPLANE_LONG"
 export SPLITPLANE_LONG=1
-cargo test --locked -p splitplane-cpu --test baked_in_f64 --test baked --test instances --test scene_closest_points
-cargo test --locked -p splitplane-fuzz-targets --test corpus
-cargo test --locked -p splitplane-wgpu --test resident --test lists --test halves
-cargo test --locked --features scene --test hits --test extremes --test best
+cargo test --locked -p splitplane-cpu --test suite -- baked_in_f64:: baked:: instances:: scene_closest_points::
+cargo test --locked -p splitplane-fuzz-targets --test suite corpus::
+cargo test --locked -p splitplane-wgpu --test suite -- resident:: lists:: halves::
+cargo test --locked --features scene --test suite -- hits:: extremes:: best::

@@ -45,7 +45,7 @@ accepts() {
 
 cd "$folder"
 # The test writes what it checks.
-if ! SPLITPLANE_TRANSLATED=$out cargo test --locked --quiet -p splitplane-shader-tests --test translated >"$out/log" 2>&1; then
+if ! SPLITPLANE_TRANSLATED=$out cargo test --locked --quiet -p splitplane-shader-tests --test suite translated:: >"$out/log" 2>&1; then
     cat "$out/log" >&2
     say "naga's translations fail their test"
     exit 2

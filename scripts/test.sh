@@ -33,7 +33,7 @@ trap 'rm -f "$log"' EXIT
 # True when wgpu finds an adapter that can be used. Asked of a test, so that the answer is the one the
 # tests will get.
 adapter_found() {
-    cargo test --quiet --workspace --exclude splitplane-viewer ${build[@]+"${build[@]}"} --test adapter -- --exact there_is_a_gpu_adapter >"$log" 2>&1
+    cargo test --quiet --workspace --exclude splitplane-viewer ${build[@]+"${build[@]}"} --test suite -- --exact adapter::there_is_a_gpu_adapter >"$log" 2>&1
 }
 
 # Commands that install packages run as root, directly or through a sudo that asks nothing.
@@ -82,7 +82,7 @@ if [ "${SPLITPLANE_GPU:-}" = absent ]; then
     say "SPLITPLANE_GPU=absent is set: GPU tests are ignored"
 else
     # A build that fails must not look like a missing adapter.
-    cargo test --workspace --exclude splitplane-viewer ${build[@]+"${build[@]}"} --no-run --test adapter
+    cargo test --workspace --exclude splitplane-viewer ${build[@]+"${build[@]}"} --no-run --test suite
     if adapter_found; then
         say "there is a GPU adapter"
     else
@@ -109,7 +109,7 @@ fi
 # Without optimisation values take the most stack, and most programs are first built so.
 stack=(--profile dev -p splitplane-cpu --test stack)
 # Optimising the windowing and drawing crates would take longer than these tests do without it.
-viewer=(--profile dev -p splitplane-viewer -p splitplane-cli --features splitplane-cli/viewer --lib --bins --test viewer --test viewer_frames)
+viewer=(--profile dev -p splitplane-viewer -p splitplane-cli --features splitplane-cli/viewer --lib --bins --test viewer)
 case " ${build[*]-} " in
 *" --release "*) viewer=("${viewer[@]:2}") ;;
 esac

@@ -1,6 +1,7 @@
 //! All hits against whole-number brute force: every surface crossing once, in order, rays through
 //! edges, vertices and planes included.
 
+use crate::common::{cube, tetrahedron};
 use splitplane::{
     Accelerator, AllHits, AllHitsOptions, Backend, BuildOptions, CpuBackend, Culling, Mesh, Preset,
     QueryOptions, Ray,
@@ -15,35 +16,6 @@ fn accelerators(mesh: &Mesh<'_>) -> Vec<Box<dyn Accelerator>> {
     let presets = [Preset::Fast, Preset::Balanced, Preset::Best];
     let options = presets.map(|preset| BuildOptions::from(preset.config()));
     options.iter().map(|options| CpuBackend::new().build(mesh, options).unwrap()).collect()
-}
-
-/// A box of twelve triangles, outside in front.
-fn cube(lo: [f32; 3], hi: [f32; 3]) -> Scene {
-    let positions = (0..8u32)
-        .map(|i| [0, 1, 2].map(|axis| if i >> axis & 1 == 0 { lo[axis] } else { hi[axis] }))
-        .collect();
-    let indices = Some(vec![
-        [0, 2, 1],
-        [1, 2, 3],
-        [4, 5, 6],
-        [5, 7, 6],
-        [0, 1, 4],
-        [1, 5, 4],
-        [2, 6, 3],
-        [3, 6, 7],
-        [0, 4, 2],
-        [2, 4, 6],
-        [1, 3, 5],
-        [3, 7, 5],
-    ]);
-    Scene { name: "cube".into(), positions, indices }
-}
-
-/// A tetrahedron with whole corners, outside in front.
-fn tetrahedron() -> Scene {
-    let positions = vec![[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0], [0.0, 0.0, 4.0]];
-    let indices = Some(vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]);
-    Scene { name: "tetrahedron".into(), positions, indices }
 }
 
 /// Closed surfaces, each edge passed once either way.

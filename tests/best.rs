@@ -1,6 +1,7 @@
 //! Preset `best`: the tree is the one that a builder finds which counts both sides of every plane;
 //! clipped bounds hold what they must; costs fall where they must.
 
+use crate::common::{all_scenes, long};
 use proptest::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::snap;
@@ -409,13 +410,6 @@ fn clipped_bounds_hold_their_part_down_a_path() {
     assert_eq!(deepest, 11);
 }
 
-/// Scenes of all kinds, real ones where they are present.
-fn all_scenes() -> Vec<Scene> {
-    let mut all = scenes::awkward();
-    all.extend(["horse", "bunny", "kitchen"].iter().filter_map(|name| scenes::real(name)));
-    all
-}
-
 /// The tree is one: on any number of threads, instruction set, and in memory used before.
 #[test]
 fn every_scene_gives_one_valid_tree_on_any_threads() {
@@ -562,10 +556,9 @@ fn all_entries_of_the_backend_build_it() {
 /// clipping. `SPLITPLANE_LONG=1` measures all real scenes; run it with `--release`.
 #[test]
 fn no_worse_than_the_textbook() {
-    let long = std::env::var_os("SPLITPLANE_LONG").is_some_and(|value| value == "1");
     let mut all = scenes::awkward();
     let real: &[&str] =
-        if long { &["bunny", "sponza", "kitchen", "robots", "bathroom"] } else { &["horse"] };
+        if long() { &["bunny", "sponza", "kitchen", "robots", "bathroom"] } else { &["horse"] };
     all.extend(real.iter().filter_map(|name| scenes::real(name)));
     for scene in &all {
         let mesh = scene.mesh();

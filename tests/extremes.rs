@@ -17,7 +17,7 @@ use splitplane_test_support::oracle::Oracle;
 use splitplane_test_support::scenes::{self, Scene};
 
 /// Far beyond what any scene takes on a slow machine.
-const HANG: Duration = Duration::from_secs(180);
+const HANG: Duration = Duration::from_secs(600);
 
 fn check(scene: Scene, rays_each: usize) {
     let name = scene.name.clone();
@@ -238,7 +238,7 @@ mod suite {
 
     /// `SPLITPLANE_LONG=1` casts 20 times as many rays.
     fn effort() -> usize {
-        if std::env::var_os("SPLITPLANE_LONG").is_some_and(|value| value == "1") { 20 } else { 1 }
+        if crate::common::long() { 20 } else { 1 }
     }
 
     fn go_through(scene: &Scene, each: usize) -> (usize, [usize; 3]) {

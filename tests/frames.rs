@@ -1,50 +1,18 @@
 //! Scenes that move: every frame's tree is the tree of a fresh build, and a thousand frames hold no more
 //! memory than the first ones.
 
+use crate::counting::{alone, bytes_held};
 use splitplane::render::{RenderSettings, Size};
 use splitplane::scene::{Animation, Change, Placement, SceneOptions};
 use splitplane::tracer::{FrameRequest, Tracer};
 use splitplane::{BuildOptions, CpuBackend};
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
-
-/// Bytes that the whole process holds.
-static HELD: AtomicUsize = AtomicUsize::new(0);
-
-/// The system's allocator, which counts.
-struct Counting;
-
-// SAFETY: passes everything on to the system's allocator, and only adds up sizes.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        HELD.fetch_add(layout.size(), Ordering::Relaxed);
-        // SAFETY: the caller's promise.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        HELD.fetch_sub(layout.size(), Ordering::Relaxed);
-        // SAFETY: the caller's promise.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        HELD.fetch_add(size, Ordering::Relaxed);
-        HELD.fetch_sub(layout.size(), Ordering::Relaxed);
-        // SAFETY: the caller's promise.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 /// What thread pools and the like may add on the way; a leak of one buffer a frame would be far more.
 const SLACK: usize = 128 << 10;
 
-/// One test, since others beside it would be counted too.
 #[test]
 fn a_thousand_frames_hold_no_more_than_the_first_and_have_the_trees_of_fresh_builds() {
+    let _alone = alone();
     let options = SceneOptions::default();
     let (mut scene, mut animation) =
         Animation::open("builtin:carousel:4000", None, &options).unwrap();
@@ -83,7 +51,7 @@ fn a_thousand_frames_hold_no_more_than_the_first_and_have_the_trees_of_fresh_bui
             assert_eq!(digest, digests[number % frames], "frame {number}");
             assert_eq!(picture, pictures[number % frames], "frame {number}");
         }
-        held.push(HELD.load(Ordering::Relaxed));
+        held.push(bytes_held());
     }
     digests.sort_unstable_by_key(ToString::to_string);
     digests.dedup();

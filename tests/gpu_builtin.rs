@@ -1,7 +1,6 @@
 //! The built-in scenes have the same picture on CPU and GPU, bit for bit.
 
-mod device;
-
+use crate::device;
 use splitplane::scene::{Scene, builtin};
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::ray::QueryOptions;

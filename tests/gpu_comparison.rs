@@ -1,8 +1,7 @@
 //! The comparison of CPU and GPU that the program offers: what it finds equal, what it names, and what it
 //! does not count.
 
-mod device;
-
+use crate::device;
 use splitplane::parity::{self, Comparison};
 use splitplane::verify;
 use splitplane_core::backend::BuildOptions;

@@ -1,8 +1,7 @@
 //! Frames in flight on a GPU: vertices that stay on the device, the next tree under way while a frame is traced.
 //! The pictures are those of the CPU, byte for byte, also after errors and beside other sizes.
 
-mod device;
-
+use crate::device;
 use splitplane::CpuBackend;
 use splitplane::gpu::{Gpu, Traffic, WgpuBackend};
 use splitplane::render::{Appearance, Light, Material, Outputs, RenderError, RenderSettings, Size};
@@ -16,7 +15,7 @@ use splitplane_core::error::BuildError;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Accuracy, QueryOptions};
 use std::path::Path;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// One test at a time: what crosses is counted for all of a device.
 static ONE: Mutex<()> = Mutex::new(());
@@ -25,9 +24,10 @@ fn one() -> MutexGuard<'static, ()> {
     ONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A backend on the device of the tests.
+/// A backend on a device of these tests.
 fn backend() -> WgpuBackend {
-    WgpuBackend::without_selftest(Gpu::clone(&device::gpu()))
+    static GPU: OnceLock<Gpu> = OnceLock::new();
+    WgpuBackend::without_selftest(GPU.get_or_init(device::own_gpu).clone())
 }
 
 fn traffic(tracer: &Tracer) -> Traffic {

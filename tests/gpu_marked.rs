@@ -9,7 +9,8 @@ const NO_GPU: &str = "#[cfg_attr(no_gpu, ignore = \
 const NO_SCENES: &str = "#[cfg_attr(no_scenes, ignore = \
                          \"no scenes folder; set SPLITPLANE_SCENES\")]";
 /// What a file has that opens a device.
-const OPENING: [&str; 4] = ["mod device;", "Gpu::open(", "BackendKind::Wgpu", "WgpuBackend::new("];
+const OPENING: [&str; 4] =
+    ["crate::device", "Gpu::open(", "BackendKind::Wgpu", "WgpuBackend::new("];
 
 /// The files of tests, by name.
 fn files() -> Vec<(String, String)> {

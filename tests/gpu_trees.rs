@@ -2,11 +2,11 @@
 //!
 //! `SPLITPLANE_LONG=1` builds the largest scenes by every preset, and repeats more of the builds.
 
-mod device;
-
 use std::path::Path;
 use std::time::Duration;
 
+use crate::common::long;
+use crate::device;
 use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::build::middle::hand_over_limit;
 use splitplane_core::config::Preset;
@@ -57,13 +57,9 @@ fn dispatches(effort: Effort, name: &str) -> u32 {
     dispatches
 }
 
-fn is_long() -> bool {
-    std::env::var_os("SPLITPLANE_LONG").is_some_and(|value| value == "1")
-}
-
 /// Scenes of more triangles are built once.
 fn large() -> usize {
-    if is_long() { 70_000 } else { 40_000 }
+    if long() { 70_000 } else { 40_000 }
 }
 
 /// Scenes of more triangles are built by the first preset alone.
@@ -82,7 +78,7 @@ const PRESETS: [Preset; 2] = [Preset::Fast, Preset::Balanced];
 
 /// Those that a mesh is built by here.
 fn presets(mesh: &Mesh<'_>) -> impl Iterator<Item = Preset> {
-    PRESETS.into_iter().take(if mesh.len() > LARGER && !is_long() { 1 } else { PRESETS.len() })
+    PRESETS.into_iter().take(if mesh.len() > LARGER && !long() { 1 } else { PRESETS.len() })
 }
 
 fn check_preset(mesh: &Mesh<'_>, preset: Preset, name: &str) {
@@ -211,7 +207,7 @@ fn a_large_real_scene() {
     let options = BuildOptions::default();
     let expected = CpuBackend::new().build_tree(&scene.mesh(), &options).expect("a tree");
     let backend = backend();
-    for _ in 0..if is_long() { 2 } else { 1 } {
+    for _ in 0..if long() { 2 } else { 1 } {
         check_trait(&backend, &scene.mesh(), &expected, "bathroom");
     }
 }
@@ -224,7 +220,7 @@ fn pinned(name: &str, preset: Preset) -> Option<String> {
         Preset::Balanced => (preset.name(), format!("{name} digest ")),
         _ => (&*name, "digest ".to_owned()),
     };
-    let path = format!("tests/snapshots/trees__{file}.snap");
+    let path = format!("tests/snapshots/suite__trees__{file}.snap");
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(path);
     let text = std::fs::read_to_string(path).ok()?;
     let rest = text.lines().find_map(|line| line.strip_prefix(&*start));

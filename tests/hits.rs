@@ -4,6 +4,7 @@
 //! that it passes where nothing is wrong) and on backends with a planted fault (to see that it
 //! fails). `SPLITPLANE_LONG=1` casts 50 times as many rays: the long test.
 
+use crate::common::{bits, long};
 use proptest::prelude::*;
 use proptest::test_runner::{RngSeed, TestRunner};
 use rayon::prelude::*;
@@ -38,10 +39,6 @@ impl Effort {
     }
 }
 
-fn long() -> bool {
-    std::env::var_os("SPLITPLANE_LONG").is_some_and(|value| value == "1")
-}
-
 fn build(backend: &dyn Backend, scene: &Scene) -> Box<dyn Accelerator> {
     backend
         .build(&scene.mesh(), &BuildOptions::default())
@@ -63,11 +60,6 @@ fn any(accelerator: &dyn Accelerator, rays: &[Ray], options: &QueryOptions<'_>) 
     accelerator.any_hits(rays, &mut second, options).expect("equal lengths");
     assert_eq!(first, second, "an answer of any hit was not written");
     first
-}
-
-/// Bits, so that -0 differs from 0 and NaN equals itself.
-fn bits(hit: &Hit) -> [u32; 4] {
-    [hit.t.to_bits(), hit.triangle, hit.u.to_bits(), hit.v.to_bits()]
 }
 
 fn all_bits(hits: &[Hit]) -> Vec<[u32; 4]> {

@@ -4,8 +4,8 @@
 //! 64. On the machine that made them they are equal; elsewhere nothing should differ either, since
 //! every operation is rounded once, but trees may come to tell hits on edges apart in another order.
 //!
-//! `SPLITPLANE_UPDATE_IMAGES=1 cargo test --test images` writes them anew; look at them before you
-//! commit.
+//! `SPLITPLANE_UPDATE_IMAGES=1 cargo test --features picture --test suite images::` writes them; look
+//! at them before you commit.
 
 use image::RgbImage;
 use splitplane::picture;

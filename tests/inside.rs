@@ -1,6 +1,7 @@
 //! Inside or outside, against whole numbers and closed forms: points on vertices, edges and faces, beside
 //! them by one float, far away, tiny and huge; the same in every direction.
 
+use crate::common::{cube, tetrahedron};
 use splitplane::core::backend::locate_along;
 use splitplane::core::query::inside::DIRECTION;
 use splitplane::{Backend, BuildOptions, CpuBackend, LocateOptions, Located, Location, Rule};
@@ -28,34 +29,6 @@ fn locate(scene: &Scene, points: &[[f32; 3]]) -> Located {
     }
     assert!(DIRECTION.iter().all(|x| *x != 0.0) && located.report.answered_by_cpu == 0);
     located
-}
-
-/// A box of twelve triangles, outside in front.
-fn cube(lo: [f32; 3], hi: [f32; 3]) -> Scene {
-    let positions = (0..8u32)
-        .map(|i| [0, 1, 2].map(|axis| if i >> axis & 1 == 0 { lo[axis] } else { hi[axis] }))
-        .collect();
-    let indices = Some(vec![
-        [0, 2, 1],
-        [1, 2, 3],
-        [4, 5, 6],
-        [5, 7, 6],
-        [0, 1, 4],
-        [1, 5, 4],
-        [2, 6, 3],
-        [3, 6, 7],
-        [0, 4, 2],
-        [2, 4, 6],
-        [1, 3, 5],
-        [3, 7, 5],
-    ]);
-    Scene { name: "cube".into(), positions, indices }
-}
-
-fn tetrahedron() -> Scene {
-    let positions = vec![[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0], [0.0, 0.0, 4.0]];
-    let indices = Some(vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]);
-    Scene { name: "tetrahedron".into(), positions, indices }
 }
 
 /// A torus around the z axis, `around` by `across` quads, outside in front.

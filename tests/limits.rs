@@ -2,6 +2,7 @@
 //! left over; limits of memory end in errors and change nothing else; counts bind in the same place
 //! everywhere.
 
+use crate::counting::{alone, bytes_held, peak};
 use splitplane::core::backend::locate_along;
 use splitplane::core::query::inside::DIRECTION;
 use splitplane::{
@@ -12,65 +13,11 @@ use splitplane::{
 use splitplane_test_support::aim;
 use splitplane_test_support::scenes::{self, Scene};
 use splitplane_test_support::watch::goes_on;
-use std::alloc::{GlobalAlloc, Layout, System};
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::AtomicUsize;
 use std::sync::atomic::Ordering::Relaxed;
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
-/// Bytes that the whole process holds.
-static HELD: AtomicUsize = AtomicUsize::new(0);
-
-/// The most it held since this was last set.
-static PEAK: AtomicUsize = AtomicUsize::new(0);
-
-fn take(bytes: usize) {
-    let held = HELD.fetch_add(bytes, Relaxed) + bytes;
-    PEAK.fetch_max(held, Relaxed);
-}
-
-/// The most bytes that some work holds, in addition to those held before.
-fn peak<T>(work: impl FnOnce() -> T) -> (usize, T) {
-    let before = HELD.load(Relaxed);
-    PEAK.store(before, Relaxed);
-    let result = work();
-    (PEAK.load(Relaxed) - before, result)
-}
-
-/// The system's allocator, which counts.
-struct Counting;
-
-// SAFETY: passes everything on to the system's allocator, and only adds up sizes.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        take(layout.size());
-        // SAFETY: the caller's promise.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        HELD.fetch_sub(layout.size(), Relaxed);
-        // SAFETY: the caller's promise.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        take(size);
-        HELD.fetch_sub(layout.size(), Relaxed);
-        // SAFETY: the caller's promise.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-/// One test at a time, since others beside it would be counted too.
-fn alone() -> MutexGuard<'static, ()> {
-    static ONE: Mutex<()> = Mutex::new(());
-    ONE.lock().unwrap_or_else(PoisonError::into_inner)
-}
+use std::sync::{Mutex, PoisonError};
 
 /// What the queues of a thread pool may add on the way.
 const SLACK: usize = 24 << 10;
@@ -156,7 +103,7 @@ fn ends_anywhere<T, E: Ended + std::fmt::Debug>(
     drop(whole);
     drop(work(&Ends::at(1)));
     for panics in [false, true] {
-        let held = HELD.load(Relaxed);
+        let held = bytes_held();
         let mut at = 1;
         let mut ended = 0;
         loop {
@@ -176,7 +123,7 @@ fn ends_anywhere<T, E: Ended + std::fmt::Debug>(
             }
             ended += 1;
             drop(watch);
-            let after = HELD.load(Relaxed);
+            let after = bytes_held();
             assert!(after <= held + SLACK, "{what}: {} bytes left by call {at}", after - held);
             at *= 2;
         }
@@ -537,7 +484,7 @@ fn all_hits_stay_within_their_limit() {
     for part in 0..=24 {
         let limit = bytes * part / 8;
         let options = AllHitsOptions { max_memory: Some(limit), ..Default::default() };
-        let before = HELD.load(Relaxed);
+        let before = bytes_held();
         match built.all_hits(&rays, &options) {
             Ok(all) => assert_eq!(all, free),
             Err(QueryError::OutOfMemory { needed, limit: told }) => {
@@ -546,7 +493,7 @@ fn all_hits_stay_within_their_limit() {
             }
             Err(error) => panic!("{error}"),
         }
-        assert!(HELD.load(Relaxed) <= before + SLACK);
+        assert!(bytes_held() <= before + SLACK);
     }
     // Twice the bytes, since everything is copied together, and the memory of parts under way.
     assert!((8..=21).contains(&refused), "{refused}");

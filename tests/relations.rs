@@ -11,6 +11,7 @@
 //! - *Moving by what keeps all coordinates exact* changes no hit. What rounds coordinates keeps the
 //!   order of hits that are further apart than the rounding.
 
+use crate::common::bits;
 use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::config::Preset;
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
@@ -37,11 +38,6 @@ fn closest(built: &CpuAccelerator, rays: &[Ray], options: &QueryOptions<'_>) -> 
     let mut hits = vec![Hit::MISS; rays.len()];
     built.closest_hits(rays, &mut hits, options).expect("equal lengths");
     hits
-}
-
-/// Bits, so that -0 differs from 0.
-fn bits(hit: &Hit) -> [u32; 4] {
-    [hit.t.to_bits(), hit.triangle, hit.u.to_bits(), hit.v.to_bits()]
 }
 
 fn subjects() -> Vec<Scene> {

@@ -1,6 +1,7 @@
 //! Trees: invariants checked without the builder's code, the same bytes on every thread count and
 //! every run, and snapshots.
 
+use crate::common::all_scenes;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::config::{BuildConfig, Preset};
@@ -31,13 +32,6 @@ fn build(backend: &dyn Backend, scene: &Scene, config: BuildConfig) -> (KdTree, 
         .build(&scene.mesh(), &config.into())
         .unwrap_or_else(|error| panic!("{}: {error}", scene.name));
     (accelerator.tree().clone(), *accelerator.summary())
-}
-
-/// The awkward scenes, and real ones where they are present.
-fn all_scenes() -> Vec<Scene> {
-    let mut all = scenes::awkward();
-    all.extend(["horse", "bunny", "kitchen"].iter().filter_map(|name| scenes::real(name)));
-    all
 }
 
 /// A leaf with its cell.

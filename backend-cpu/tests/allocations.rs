@@ -1,9 +1,6 @@
 //! Rebuilds into the same memory allocate nothing, and little with preset `best`.
 
-#[path = "common/counting.rs"]
-mod counting;
-
-use counting::allocated;
+use crate::counting::{allocated, alone, pool};
 use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
 use splitplane_core::config::Preset;
 use splitplane_cpu::CpuBackend;
@@ -13,9 +10,9 @@ fn allocations(work: impl FnOnce()) -> usize {
     allocated(work).0
 }
 
-/// One test, since it counts for the whole process.
 #[test]
 fn rebuilds_allocate_nothing() {
+    let _alone = alone();
     best_allocates_little();
     for (threads, coincident) in [(1, 10), (2, 10), (2, 300)] {
         // Of many that coincide the builder makes more references than it may, so that a cap binds.
@@ -27,7 +24,7 @@ fn rebuilds_allocate_nothing() {
         {
             let options = BuildOptions { layout, ..BuildOptions::from(preset.config()) };
             let what = format!("{preset:?}, {layout:?}, {threads} threads, {coincident} coincide");
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let pool = pool(threads);
             let backend = CpuBackend::new();
             pool.install(|| {
                 let mut accelerator = backend.build_accelerator(&mesh, &options).unwrap();
@@ -68,7 +65,7 @@ fn best_allocates_little() {
     let scene = scenes::sizes(30_000, 10, 9);
     let mesh = scene.mesh();
     // Several threads have the memory for everything that each may do only after some builds.
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let pool = pool(1);
     for layout in [QueryLayout::Fast, QueryLayout::Compact] {
         let options = BuildOptions { layout, ..BuildOptions::from(Preset::Best.config()) };
         let backend = CpuBackend::new();

@@ -1,5 +1,6 @@
 //! Scenes of many objects against one mesh of everything, and against what transforms make of triangles in `f64`.
 
+use crate::common::{built, coarse, long};
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::scene::{SceneAccelerator, SceneAllHitsOptions};
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
@@ -14,23 +15,10 @@ use splitplane_core::scene::{
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::objects::{self, Kind};
 use splitplane_test_support::random::Random;
-use splitplane_test_support::scenes;
-
-fn built(scene: &Scene) -> Box<dyn SceneAccelerator> {
-    CpuBackend::new().build_scene(scene, &BuildOptions::default()).expect("a scene")
-}
 
 fn baked(triangles: &[[[f32; 3]; 3]]) -> Box<dyn Accelerator> {
     let mesh = Mesh::soup(triangles).expect("a mesh");
     CpuBackend::new().build(&mesh, &BuildOptions::default()).expect("a tree")
-}
-
-/// Triangles whose coordinates are whole multiples of 2^-8: moved by powers of two they stay exact. Closed, so that
-/// points can be inside.
-fn coarse() -> Vec<[[f32; 3]; 3]> {
-    let coarse = |x: f32| (x * 256.0).round() / 256.0;
-    let ball = scenes::sphere(7, [0.0; 3], 1.0).triangles();
-    ball.iter().map(|corners| corners.map(|p| p.map(coarse))).collect()
 }
 
 fn coarse_rays(count: usize, seed: u64) -> Vec<Ray> {
@@ -174,8 +162,8 @@ fn hits_are_within_the_derived_bound() {
             .enumerate()
     {
         let (scene, _) = objects::scene(kind, 60, 40 + round as u64);
-        let long = std::env::var_os("SPLITPLANE_LONG").is_some();
-        let rays = objects::rays(&scene, if long { 2_000_000 } else { 20_000 }, 50 + round as u64);
+        let rays =
+            objects::rays(&scene, if long() { 2_000_000 } else { 20_000 }, 50 + round as u64);
         rays_in_all += rays.len();
         let accelerator = built(&scene);
         let mut hits = vec![SceneHit::MISS; rays.len()];

@@ -7,6 +7,7 @@
 #[path = "common/in_world.rs"]
 mod in_world;
 
+use crate::common::{built, long};
 use in_world::{Object, World};
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::scene::SceneAccelerator;
@@ -31,10 +32,6 @@ fn limits(kind: Kind) -> (u64, u64) {
         // Objects of a millionth of the distance of others are smaller than the bound.
         _ => (40, 500),
     }
-}
-
-fn built(scene: &Scene) -> Box<dyn SceneAccelerator> {
-    CpuBackend::new().build_scene(scene, &BuildOptions::default()).expect("a scene")
 }
 
 /// A scene that answers all rays from both sides, and in which no box is everywhere.
@@ -192,8 +189,7 @@ impl Tally {
 
 #[test]
 fn hits_are_those_of_a_mesh_of_everything_within_the_bound() {
-    let long = std::env::var_os("SPLITPLANE_LONG").is_some_and(|value| value == "1");
-    let (scenes, count) = if long { (20, 100_000) } else { (2, 4_000) };
+    let (scenes, count) = if long() { (20, 100_000) } else { (2, 4_000) };
     for (number, kind) in KINDS.into_iter().enumerate() {
         let mut tally = Tally::default();
         for round in 0..scenes {

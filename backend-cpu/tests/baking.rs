@@ -1,7 +1,7 @@
 //! Chosen instances as one mesh, against the scene from which they were baked.
 
+use crate::common::{built, coarse};
 use splitplane_core::backend::scene::{SceneAccelerator, SceneAllHitsOptions};
-use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Accuracy, Culling, Ray};
 use splitplane_core::scene::shape::{Shapes, Sphere};
@@ -9,21 +9,9 @@ use splitplane_core::scene::{
     BakeError, BakedTable, GeometryId, IDENTITY, Instance, InstanceId, OpacityMask, Scene,
     SceneError, SceneHit, SceneOptions, translation,
 };
-use splitplane_cpu::CpuBackend;
 use splitplane_test_support::objects::{self, Kind};
 use splitplane_test_support::random::Random;
 use splitplane_test_support::scenes;
-
-fn built(scene: &Scene) -> Box<dyn SceneAccelerator> {
-    CpuBackend::new().build_scene(scene, &BuildOptions::default()).expect("a scene")
-}
-
-/// A ball whose coordinates are whole multiples of 2^-8: moved by powers of two they stay exact.
-fn coarse() -> Vec<[[f32; 3]; 3]> {
-    let coarse = |x: f32| (x * 256.0).round() / 256.0;
-    let ball = scenes::sphere(7, [0.0; 3], 1.0).triangles();
-    ball.iter().map(|corners| corners.map(|p| p.map(coarse))).collect()
-}
 
 fn coarse_rays(count: usize, seed: u64) -> Vec<Ray> {
     let mut random = Random::new(seed);

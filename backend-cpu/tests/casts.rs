@@ -3,6 +3,7 @@
 
 use std::ops::ControlFlow;
 
+use crate::common::lattice;
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions, QueryLayout};
 use splitplane_core::config::Preset;
 use splitplane_core::error::QueryError;
@@ -10,11 +11,10 @@ use splitplane_core::mesh::Mesh;
 use splitplane_core::query::cast::{self, Cast, CastOptions, Impact};
 use splitplane_core::query::overlap::{OverlapOptions, Volume};
 use splitplane_core::ray::Ray;
+use splitplane_core::triangle::Triangle;
 use splitplane_core::watch::Progress;
 use splitplane_cpu::{CpuBackend, InstructionSet};
 use splitplane_test_support::random::Random;
-
-type Triangle = [[f32; 3]; 3];
 
 fn soup(count: usize, size: f32, spread: f32, seed: u64) -> Vec<Triangle> {
     let mut random = Random::new(seed);
@@ -24,13 +24,6 @@ fn soup(count: usize, size: f32, spread: f32, seed: u64) -> Vec<Triangle> {
             [(); 3].map(|()| middle.map(|x| (x + random.signed()) * size))
         })
         .collect()
-}
-
-/// Corners on a small grid: edges in line with ways, triangles without area, contacts at corners.
-fn lattice(count: usize, size: f32, seed: u64) -> Vec<Triangle> {
-    let mut random = Random::new(seed);
-    let mut at = || (random.below(7) as f32 - 3.0) * size;
-    (0..count).map(|_| [(); 3].map(|()| [at(), at(), at()])).collect()
 }
 
 fn casts(size: f32, on_grid: bool) -> Vec<Cast> {

@@ -5,6 +5,7 @@
 
 use core::ops::ControlFlow;
 
+use crate::common::{ask, long};
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
 use splitplane_core::config::Preset;
@@ -31,8 +32,7 @@ const ANY: ClosestPointOptions<'static> = ClosestPointOptions {
 };
 
 fn many(points: usize) -> usize {
-    let long = std::env::var_os("SPLITPLANE_LONG").is_some_and(|value| value == "1");
-    if long { 20 * points } else { points }
+    if long() { 20 * points } else { points }
 }
 
 /// Points on corners, edges and faces, near them, in the box, and far off.
@@ -79,16 +79,6 @@ fn first_fault(
         (bits(&expected) != bits(answer))
             .then(|| format!("{point:?}: {answer:?} in place of {expected:?}"))
     })
-}
-
-fn ask(
-    tree: &dyn Accelerator,
-    points: &[[f32; 3]],
-    options: &ClosestPointOptions<'_>,
-) -> Vec<ClosestPoint> {
-    let mut closest = vec![ClosestPoint { triangle: 7, ..ClosestPoint::NONE }; points.len()];
-    tree.closest_points(points, &mut closest, options).expect("equal lengths");
-    closest
 }
 
 /// Scenes whose numbers are far from 1, too.

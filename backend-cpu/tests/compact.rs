@@ -4,6 +4,7 @@
 use core::ops::ControlFlow;
 use std::sync::Mutex;
 
+use crate::common::bits;
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions, QueryLayout};
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::error::BuildError;
@@ -24,10 +25,6 @@ fn options(config: BuildConfig, layout: QueryLayout) -> BuildOptions<'static> {
 
 fn build(mesh: &Mesh<'_>, set: InstructionSet, options: &BuildOptions<'_>) -> CpuAccelerator {
     CpuBackend::with_instruction_set(set).build_accelerator(mesh, options).expect("a tree")
-}
-
-fn bits(hits: &[Hit]) -> Vec<[u32; 4]> {
-    hits.iter().map(|h| [h.t.to_bits(), h.triangle, h.u.to_bits(), h.v.to_bits()]).collect()
 }
 
 /// Everything that two accelerators say of some rays and of points on them; how many rays hit.

@@ -1,6 +1,7 @@
 //! Blocks share corners or have them written out, by the mesh. The answers are those of a tree of one leaf, of whole numbers and of brute
 //! force, bit for bit, on every path of every instruction set.
 
+use crate::common::bits;
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions, QueryLayout};
@@ -113,10 +114,6 @@ fn rays(mesh: &Mesh<'_>) -> Vec<Ray> {
 fn built(triangles: &[Triangle], set: InstructionSet, build: &BuildOptions<'_>) -> CpuAccelerator {
     let mesh = Mesh::soup(triangles).expect("a mesh");
     CpuBackend::with_instruction_set(set).build_accelerator(&mesh, build).expect("a tree")
-}
-
-fn bits(hits: &[Hit]) -> Vec<[u32; 4]> {
-    hits.iter().map(|h| [h.t.to_bits(), h.triangle, h.u.to_bits(), h.v.to_bits()]).collect()
 }
 
 /// The closest hits, by a tree of one leaf.

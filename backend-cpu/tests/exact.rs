@@ -5,6 +5,7 @@
 //!
 //! `SPLITPLANE_LONG=1` casts ten times as many rays.
 
+use crate::common::long;
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::{Accelerator, BuildOptions};
@@ -32,8 +33,7 @@ const fn options(culling: Culling, ignore: Option<u32>) -> QueryOptions<'static>
 }
 
 fn many(rays: usize) -> usize {
-    let long = std::env::var_os("SPLITPLANE_LONG").is_some_and(|value| value == "1");
-    if long { 10 * rays } else { rays }
+    if long() { 10 * rays } else { rays }
 }
 
 fn build(scene: &Scene, set: InstructionSet) -> CpuAccelerator {

@@ -1,5 +1,6 @@
 //! Closest points of accuracy `exact`: the nearest triangle of rational arithmetic, on meshes where many are as near, or almost.
 
+use crate::common::{ask, long};
 use splitplane_core::backend::scene::{
     HostScene, SceneAccelerator, SceneClosestPoint, SceneClosestPointOptions,
 };
@@ -29,22 +30,11 @@ const EXACT: ClosestPointOptions<'static> = ClosestPointOptions {
 };
 
 fn many(count: usize) -> usize {
-    let long = std::env::var_os("SPLITPLANE_LONG").is_some_and(|value| value == "1");
-    if long { 20 * count } else { count }
+    if long() { 20 * count } else { count }
 }
 
 fn points(triangles: &[Triangle], size: f32, count: usize, random: &mut Random) -> Vec<[f32; 3]> {
     (0..count).map(|_| close_calls::point(triangles, size, random)).collect()
-}
-
-fn ask(
-    tree: &dyn Accelerator,
-    points: &[[f32; 3]],
-    options: &ClosestPointOptions<'_>,
-) -> Vec<ClosestPoint> {
-    let mut closest = vec![ClosestPoint { triangle: 7, ..ClosestPoint::NONE }; points.len()];
-    tree.closest_points(points, &mut closest, options).expect("equal lengths");
-    closest
 }
 
 /// What is said of a triangle: its closest point as computed in `f64`.

@@ -3,27 +3,21 @@
 use core::ops::ControlFlow;
 use std::cmp::Ordering;
 
+use crate::common::tree_of;
 use splitplane_core::aabb::Aabb;
-use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::config::Preset;
 use splitplane_core::query::best_first::LeafCell;
 use splitplane_core::tree::KdTree;
 use splitplane_core::tree::node::NodeKind;
 use splitplane_core::triangle::{Triangle, prepare};
-use splitplane_cpu::CpuBackend;
 use splitplane_test_support::random::Random;
 use splitplane_test_support::scenes::{self, Scene};
 
 const NONE: f64 = f64::INFINITY;
 
-fn build(scene: &Scene, preset: Preset) -> KdTree {
-    let options = BuildOptions { config: preset.config(), ..Default::default() };
-    CpuBackend::new().build_accelerator(&scene.mesh(), &options).expect("a tree").tree().clone()
-}
-
 fn trees() -> impl Iterator<Item = (Scene, KdTree)> {
     let both = |scene: Scene| {
-        [Preset::Fast, Preset::Best].map(|preset| (scene.clone(), build(&scene, preset)))
+        [Preset::Fast, Preset::Best].map(|preset| (scene.clone(), tree_of(&scene, preset)))
     };
     scenes::awkward().into_iter().flat_map(both)
 }
@@ -221,7 +215,7 @@ fn never(leaf: LeafCell<'_>) -> ControlFlow<(), f64> {
 
 #[test]
 fn a_break_ends_the_search() {
-    let tree = build(&scenes::sphere(16, [0.0; 3], 1.0), Preset::Balanced);
+    let tree = tree_of(&scenes::sphere(16, [0.0; 3], 1.0), Preset::Balanced);
     for stop in [1, 2, 7] {
         let mut visits = 0;
         let found = tree.find_best(
@@ -237,5 +231,5 @@ fn a_break_ends_the_search() {
     // Neither leaves that are of no interest, nor those of a tree without triangles.
     assert_eq!(tree.find_best(NONE, |_| NONE, never), Ok(NONE));
     assert_eq!(tree.find_best(-1.0, |_| 0.0, never), Ok(-1.0));
-    assert_eq!(build(&scenes::none(), Preset::Fast).find_best(2.0, |_| 0.0, never), Ok(2.0));
+    assert_eq!(tree_of(&scenes::none(), Preset::Fast).find_best(2.0, |_| 0.0, never), Ok(2.0));
 }

@@ -1,11 +1,8 @@
 //! What an update says it holds, against what the allocator says.
 
-#[path = "common/counting.rs"]
-mod counting;
-
 use std::collections::VecDeque;
 
-use counting::{allocated, held};
+use crate::counting::{allocated, alone, growth, pool};
 use splitplane_core::backend::scene::{BuiltScene, bytes_of};
 use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::mesh::Mesh;
@@ -30,12 +27,12 @@ fn told_and_counted(built: &mut BuiltScene, scene: &Scene, masks: usize) -> (u64
     let mut next = |_: &Mesh<'_>, _: &BuildOptions<'_>| Ok(trees.pop_front().expect("a tree"));
     allocated(|| {
         let updated = built.update_after(scene, &options, &mut next, &mut |becoming| {
-            (told, counted) = (becoming.held - was, held());
+            (told, counted) = (becoming.held - was, growth());
             Ok(())
         });
         updated.expect("an update");
     });
-    (told, counted.cast_unsigned() as u64 + there)
+    (told, counted.cast_unsigned() + there)
 }
 
 /// A mesh with so many instances.
@@ -48,11 +45,10 @@ fn add(scene: &mut Scene, triangles: usize, instances: usize) -> GeometryId {
     name
 }
 
-/// One test on one thread, since it counts for the whole process: other threads allocate when they start.
 #[test]
 fn updates_hold_what_they_say() {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    pool.install(all_kinds_of_updates);
+    let _alone = alone();
+    pool(1).install(all_kinds_of_updates);
 }
 
 fn all_kinds_of_updates() {

@@ -1,30 +1,15 @@
 //! Scenes of many objects: every path finds the hits that all instances give, one after the other.
 
+use crate::common::{built_by, long, scene_bits};
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::scene::SceneAccelerator;
-use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::ray::{Accuracy, Culling, Ray};
 use splitplane_core::scene::{
     InstanceId, Scene, SceneHit, SceneOptions, TopRay, TopStack, TopTree, WIDEST_STACK, WorldBox,
 };
-use splitplane_cpu::{CpuBackend, InstructionSet};
+use splitplane_cpu::InstructionSet;
 use splitplane_test_support::objects::{self, Kind};
 use splitplane_test_support::random::Random;
-
-fn built(set: InstructionSet, scene: &Scene) -> Box<dyn SceneAccelerator> {
-    let backend = CpuBackend::with_instruction_set(set);
-    backend.build_scene(scene, &BuildOptions::default()).expect("a scene")
-}
-
-/// Whether there is time for many rays.
-fn long() -> bool {
-    std::env::var_os("SPLITPLANE_LONG").is_some()
-}
-
-/// Each hit as its bits.
-fn bits(hits: &[SceneHit]) -> Vec<[u32; 6]> {
-    bytemuck::cast_slice(hits).to_vec()
-}
 
 /// What the instances give, one after the other.
 fn by_all(
@@ -58,14 +43,14 @@ fn every_path_finds_what_all_instances_give() {
                     &SceneOptions { accuracy, culling, mask: 0x55, ..SceneOptions::default() };
                 let mut expected: Option<Vec<SceneHit>> = None;
                 for set in InstructionSet::available() {
-                    let accelerator = &*built(set, &scene);
+                    let accelerator = &*built_by(set, &scene);
                     let expected =
                         expected.get_or_insert_with(|| by_all(accelerator, &rays, options));
                     let hits = traced(accelerator, &rays, options);
                     for ((ray, hit), expected) in rays.iter().zip(&hits).zip(&*expected) {
                         assert_eq!(
-                            bits(&[*hit]),
-                            bits(&[*expected]),
+                            scene_bits(&[*hit]),
+                            scene_bits(&[*expected]),
                             "{kind:?} {accuracy:?} {set:?} {ray:?}: {hit:?} {expected:?}"
                         );
                     }
@@ -122,7 +107,7 @@ fn rays_in_the_planes_of_boxes_find_what_all_instances_give() {
     let (mut found, mut random) = (0, Random::new(31));
     for kind in Kind::ALL {
         let (scene, _) = objects::scene(kind, 70, 32);
-        let of_any_set = &*built(InstructionSet::detect(), &scene);
+        let of_any_set = &*built_by(InstructionSet::detect(), &scene);
         let mut rays: Vec<Ray> =
             (0..4).flat_map(|_| grazing(&scene, of_any_set, &mut random)).collect();
         // Some go the same way as their neighbours, and are followed together.
@@ -139,8 +124,12 @@ fn rays_in_the_planes_of_boxes_find_what_all_instances_give() {
         assert_eq!(lost(&rays, &expected, of_any_set.scene().top_tree()), 0, "{kind:?}");
         found += expected.iter().filter(|hit| hit.is_hit()).count();
         for set in InstructionSet::available() {
-            let accelerator = &*built(set, &scene);
-            assert_eq!(bits(&traced(accelerator, &rays, options)), bits(&expected), "{kind:?}");
+            let accelerator = &*built_by(set, &scene);
+            assert_eq!(
+                scene_bits(&traced(accelerator, &rays, options)),
+                scene_bits(&expected),
+                "{kind:?}"
+            );
             let mut any = vec![false; rays.len()];
             accelerator.any_hits(&rays, &mut any, options).expect("hits");
             for (any, expected) in any.iter().zip(&expected) {
@@ -155,7 +144,7 @@ fn rays_in_the_planes_of_boxes_find_what_all_instances_give() {
 #[test]
 fn smaller_boxes_lose_rays_in_their_planes() {
     let (scene, _) = objects::scene(Kind::Ordinary, 70, 32);
-    let accelerator = &*built(InstructionSet::detect(), &scene);
+    let accelerator = &*built_by(InstructionSet::detect(), &scene);
     let rays = grazing(&scene, accelerator, &mut Random::new(33));
     let hits = by_all(accelerator, &rays, &SceneOptions::default());
     let boxes: Vec<(u32, WorldBox)> = accelerator
@@ -198,7 +187,7 @@ fn boxes_without_slack_lose_hits() {
     for kind in [Kind::Ordinary, Kind::IllConditioned, Kind::Far] {
         let (scene, _) = objects::scene(kind, 70, 21);
         let rays = objects::rays(&scene, 8_000, 22);
-        let accelerator = &*built(InstructionSet::detect(), &scene);
+        let accelerator = &*built_by(InstructionSet::detect(), &scene);
         let hits = by_all(accelerator, &rays, &SceneOptions::default());
         let boxes: Vec<(u32, WorldBox)> = accelerator
             .scene()

@@ -1,6 +1,7 @@
 //! Triangles that are much larger than the leaves that name them have a place of their own in the query layout. The
 //! answers are those of a tree of one leaf, and of whole numbers, bit for bit, on every path of every instruction set.
 
+use crate::common::bits;
 use rayon::prelude::*;
 use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
 use splitplane_core::config::Preset;
@@ -85,10 +86,6 @@ fn scenes() -> Vec<(String, Vec<Triangle>, Vec<Ray>)> {
         }
     }
     all
-}
-
-fn bits(hits: &[Hit]) -> Vec<[u32; 4]> {
-    hits.iter().map(|h| [h.t.to_bits(), h.triangle, h.u.to_bits(), h.v.to_bits()]).collect()
 }
 
 /// What is asked, and the closest hits that are the answer.

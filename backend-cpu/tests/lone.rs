@@ -2,6 +2,7 @@
 
 use core::ops::ControlFlow;
 
+use crate::common::{built_by, scene_bits};
 use splitplane_core::backend::scene::SceneAccelerator;
 use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::error::QueryError;
@@ -14,15 +15,6 @@ use splitplane_core::scene::{
 use splitplane_core::watch::{Progress, Watch};
 use splitplane_cpu::{CpuBackend, InstructionSet};
 use splitplane_test_support::objects::{self, Kind};
-
-fn built(set: InstructionSet, scene: &Scene) -> Box<dyn SceneAccelerator> {
-    let backend = CpuBackend::with_instruction_set(set);
-    backend.build_scene(scene, &BuildOptions::default()).expect("a scene")
-}
-
-fn bits(hits: &[SceneHit]) -> Vec<[u32; 6]> {
-    bytemuck::cast_slice(hits).to_vec()
-}
 
 /// Rays at the instance, bundles of neighbours among them, and some that hit nothing whatever there is.
 fn rays(scene: &Scene, seed: u64) -> Vec<Ray> {
@@ -79,7 +71,7 @@ fn batches_find_what_the_instance_gives_ray_by_ray() {
             let rays = rays(&scene, seed);
             let some = rays.iter().filter(|ray| TopRay::new(ray).is_some()).count() as u64;
             assert!(some + 5 <= rays.len() as u64);
-            let of_any_set = built(InstructionSet::detect(), &scene);
+            let of_any_set = built_by(InstructionSet::detect(), &scene);
             let first = rays.iter().find_map(|ray| {
                 of_any_set.closest_hit(ray, &SceneOptions::default()).map(|hit| hit.triangle)
             });
@@ -94,11 +86,15 @@ fn batches_find_what_the_instance_gives_ray_by_ray() {
                         .map(|ray| of_any_set.scene().answer_by_all(ray, &asked))
                         .collect();
                     for set in InstructionSet::available() {
-                        let accelerator = built(set, &scene);
+                        let accelerator = built_by(set, &scene);
                         let mut hits = vec![SceneHit::MISS; rays.len()];
                         let report = accelerator.closest_hits(&rays, &mut hits, &asked);
                         let report = report.expect("hits");
-                        assert_eq!(bits(&hits), bits(&expected), "{kind:?} {seed} {asked:?}");
+                        assert_eq!(
+                            scene_bits(&hits),
+                            scene_bits(&expected),
+                            "{kind:?} {seed} {asked:?}"
+                        );
                         let mut any = vec![true; rays.len()];
                         accelerator.any_hits(&rays, &mut any, &asked).expect("hits");
                         for (any, hit) in any.iter().zip(&expected) {
@@ -132,7 +128,7 @@ fn an_instance_in_place_has_its_meshs_hits() {
         instance.transform[0][3] = moved;
         scene.add_instance(instance).expect("an instance");
         let rays = rays(&scene, 7);
-        let accelerator = built(InstructionSet::detect(), &scene);
+        let accelerator = built_by(InstructionSet::detect(), &scene);
         let mut hits = vec![SceneHit::MISS; rays.len()];
         accelerator.closest_hits(&rays, &mut hits, &SceneOptions::default()).expect("hits");
         let mut expected = vec![Hit::MISS; rays.len()];
@@ -166,7 +162,7 @@ impl Watch for Ends {
 fn what_else_a_batch_may_be_asked() {
     let (mut scene, _) = objects::scene(Kind::Ordinary, 1, 5);
     let rays = rays(&scene, 6).repeat(20);
-    let accelerator = built(InstructionSet::detect(), &scene);
+    let accelerator = built_by(InstructionSet::detect(), &scene);
     let mut hits = vec![SceneHit::MISS; rays.len()];
     let ends = SceneOptions { watch: Some(&Ends), ..SceneOptions::default() };
     let ended = accelerator.closest_hits(&rays, &mut hits, &ends);
@@ -180,7 +176,7 @@ fn what_else_a_batch_may_be_asked() {
 
     let batches = |scene: &Scene, options: &SceneOptions<'_>| {
         let mut hits = vec![SceneHit::MISS; rays.len()];
-        let accelerator = built(InstructionSet::detect(), scene);
+        let accelerator = built_by(InstructionSet::detect(), scene);
         accelerator.closest_hits(&rays, &mut hits, options).expect("hits").batches
     };
     let usual = SceneOptions::default();

@@ -1,10 +1,6 @@
 //! A limit on memory is held to the byte, and what counts against it is what is really allocated.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::Ordering::Relaxed;
-use std::sync::atomic::{AtomicI64, AtomicUsize};
-use std::sync::{Mutex, MutexGuard};
-
+use crate::counting::{Refuse, alone, held, peak_of, pool};
 use rayon::prelude::*;
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions, QueryLayout};
 use splitplane_core::config::Preset;
@@ -17,73 +13,8 @@ use splitplane_test_support::random::Random;
 use splitplane_test_support::scenes::{self, Scene};
 use splitplane_test_support::watch::goes_on;
 
-/// Counts bytes that are allocated now, and the most that were; and refuses large requests, once a
-/// given number has been granted.
-struct Counting;
-
-static HELD: AtomicI64 = AtomicI64::new(0);
-static PEAK: AtomicI64 = AtomicI64::new(0);
-/// Large requests that are granted still.
-static GRANTED: AtomicI64 = AtomicI64::new(i64::MAX);
-
 /// Bytes of a large request: pools and locks ask for less.
-static LARGE: AtomicUsize = AtomicUsize::new(1 << 13);
-
-/// Whether there is memory for a request.
-fn is_granted(size: usize) -> bool {
-    size < LARGE.load(Relaxed)
-        || GRANTED.load(Relaxed) == i64::MAX
-        || GRANTED.fetch_sub(1, Relaxed) > 0
-}
-
-fn change(bytes: i64) {
-    let held = HELD.fetch_add(bytes, Relaxed) + bytes;
-    PEAK.fetch_max(held, Relaxed);
-}
-
-// SAFETY: hands everything on to the system's allocator.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        if !is_granted(layout.size()) {
-            return std::ptr::null_mut();
-        }
-        change(layout.size() as i64);
-        // SAFETY: the caller's contract.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
-        change(-(layout.size() as i64));
-        // SAFETY: the caller's contract.
-        unsafe { System.dealloc(memory, layout) }
-    }
-
-    unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        if !is_granted(size) {
-            return std::ptr::null_mut();
-        }
-        change(size as i64 - layout.size() as i64);
-        // SAFETY: the caller's contract.
-        unsafe { System.realloc(memory, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-/// Tests take turns, since all threads' memory is counted.
-fn alone() -> MutexGuard<'static, ()> {
-    static TURN: Mutex<()> = Mutex::new(());
-    TURN.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
-}
-
-/// What work allocates at most beyond what is there.
-fn peak_of<T>(work: impl FnOnce() -> T) -> (T, i64) {
-    let before = HELD.load(Relaxed);
-    PEAK.store(before, Relaxed);
-    let out = work();
-    (out, PEAK.load(Relaxed) - before)
-}
+const LARGE: usize = 1 << 13;
 
 /// A mesh that shares corners, one that does not, one that is a single leaf, and one with large triangles.
 fn scenes() -> [Scene; 4] {
@@ -111,7 +42,7 @@ fn each(mut check: impl FnMut(&str, &Scene, InstructionSet, BuildOptions)) {
 
 /// With one thread: what several hold depends on who does what.
 fn each_on_one_thread(check: impl FnMut(&str, &Scene, InstructionSet, BuildOptions) + Send) {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    let pool = pool(1);
     pool.install(|| each(check));
 }
 
@@ -203,7 +134,7 @@ fn where_there_is_no_memory_nothing_is_lost() {
     let _alone = alone();
     let (before, after) = (scenes::sphere(8, [0.0; 3], 1.0), scenes::sphere(60, [0.0; 3], 1.0));
     let (before, after) = (before.mesh(), after.mesh());
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    let pool = pool(1);
     let layouts = [QueryLayout::Fast, QueryLayout::Compact];
     for (from, to) in layouts.into_iter().flat_map(|from| layouts.map(|to| (from, to))) {
         let [first, second] = [from, to].map(|layout| options(Preset::Fast, layout));
@@ -217,9 +148,9 @@ fn where_there_is_no_memory_nothing_is_lost() {
             assert!(hits.iter().any(Hit::is_hit));
             // The builder's memory is there, so that it is the layout's that is refused.
             pool.install(|| backend.build_tree(&after, &second)).expect("no limit");
-            GRANTED.store(refused, Relaxed);
-            let rebuilt = pool.install(|| backend.rebuild_accelerator(&mut built, &after, &second));
-            GRANTED.store(i64::MAX, Relaxed);
+            let refuse = Refuse { number: refused, once: false, least: LARGE };
+            let rebuild = || backend.rebuild_accelerator(&mut built, &after, &second);
+            let rebuilt = pool.install(|| refuse.during(rebuild));
             let Err(error) = rebuilt else { break built };
             let BuildError::OutOfMemory { needed, limit } = error else { panic!("{error}") };
             assert_eq!(needed, limit, "there was no limit");
@@ -241,7 +172,7 @@ fn where_there_is_no_memory_no_tree_is_built() {
     let _alone = alone();
     let scene = scenes::sphere(100, [0.0; 3], 1.0);
     let mesh = scene.mesh();
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    let pool = pool(1);
     for preset in [Preset::Fast, Preset::Balanced, Preset::Best] {
         let options = options(preset, QueryLayout::Fast);
         let build = || pool.install(|| CpuBackend::new().build_tree(&mesh, &options));
@@ -249,11 +180,8 @@ fn where_there_is_no_memory_no_tree_is_built() {
         let mut refused = 0;
         let built = loop {
             // What a thread needs, whatever the mesh, is less.
-            LARGE.store(1 << 16, Relaxed);
-            GRANTED.store(refused, Relaxed);
-            let built = build();
-            GRANTED.store(i64::MAX, Relaxed);
-            LARGE.store(1 << 13, Relaxed);
+            let refuse = Refuse { number: refused, once: false, least: 1 << 16 };
+            let built = refuse.during(build);
             let Err(error) = built else { break built };
             let BuildError::OutOfMemory { needed, limit } = error else { panic!("{error}") };
             assert_eq!(needed, limit, "there was no limit");
@@ -281,14 +209,14 @@ fn a_smaller_tree_counts_with_its_room() {
     let (large, small) = (scenes::sphere(120, [0.0; 3], 1.0), scenes::sphere(8, [0.0; 3], 1.0));
     for layout in [QueryLayout::Fast, QueryLayout::Compact] {
         let options = options(Preset::Fast, layout);
-        let before = HELD.load(Relaxed);
+        let before = held();
         let large = CpuBackend::new().build_accelerator(&large.mesh(), &options);
         let mut built = large.expect("no limit");
-        let room = HELD.load(Relaxed) - before;
+        let room = held() - before;
         CpuBackend::new()
             .rebuild_accelerator(&mut built, &small.mesh(), &options)
             .expect("no limit");
-        assert!(HELD.load(Relaxed) - before >= room - room / 50, "rebuilds keep what they have");
+        assert!(held() - before >= room - room / 50, "rebuilds keep what they have");
         let watched = |built: &mut CpuAccelerator, limit| {
             let options = BuildOptions { max_memory: limit, watch: Some(&goes_on), ..options };
             CpuBackend::new().rebuild_accelerator(built, &small.mesh(), &options)
@@ -306,7 +234,7 @@ fn what_counts_is_what_is_allocated() {
     let _alone = alone();
     each(|what, scene, set, options| {
         let mesh = scene.mesh();
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("threads");
+        let pool = pool(2);
         let (built, taken) = pool.install(|| {
             peak_of(|| CpuBackend::with_instruction_set(set).build_accelerator(&mesh, &options))
         });
@@ -321,7 +249,7 @@ fn what_counts_is_what_is_allocated() {
 #[test]
 fn a_build_takes_less_than_three_times_what_it_returns() {
     let _alone = alone();
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    let pool = pool(1);
     let scenes = [
         scenes::sphere(200, [0.0; 3], 1.0),
         scenes::soup(60_000, 0.05, 3),
@@ -344,13 +272,13 @@ fn a_build_takes_less_than_three_times_what_it_returns() {
             let (taken, told) = (taken as f64, built.summary().peak_bytes as f64);
             println!("{what}: {:.2} taken, {:.2} told", taken / finished, told / finished);
             assert!(taken.max(told) < 3.0 * finished, "{what}: {taken} and {told} of {finished}");
-            let before = HELD.load(Relaxed);
+            let before = held();
             backend.rebuild_accelerator(&mut built, &mesh, &options).expect("no limit");
-            let kept = (HELD.load(Relaxed) - before) as f64;
+            let kept = (held() - before) as f64;
             assert!(kept > 0.3 * finished, "{what}: a rebuild keeps only {kept} of {finished}");
-            let before = HELD.load(Relaxed);
+            let before = held();
             drop(backend.build_accelerator(&mesh, &options).expect("no limit"));
-            let given = (before - HELD.load(Relaxed)) as f64;
+            let given = (before - held()) as f64;
             assert!(given > 0.3 * finished, "{what}: a build gives back only {given}");
         });
     }
@@ -369,7 +297,7 @@ fn each_by_itself(
 
 #[test]
 fn lists_within_a_radius_share_one_limit() {
-    let _turn = alone();
+    let _alone = alone();
     let mut random = Random::new(3);
     let points: Vec<[f32; 3]> = (0..3000).map(|_| random.point(1.0)).collect();
     let tree = CpuPointTree::build(&points, &PointOptions::default()).unwrap();
@@ -379,7 +307,7 @@ fn lists_within_a_radius_share_one_limit() {
     // Keys and records are counted; a growing list of keys has room for as many again.
     let most = 2 * limit as i64 + 200_000;
     for threads in [1, 3] {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let pool = pool(threads);
         let mut own = Vec::new();
         let kept = KeptBytes { list: 8, neighbour: 4 };
         let (done, peak) = peak_of(|| {

@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use crate::common::lattice;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::scene::{SceneOverlapOptions, SceneTriangle};
 use splitplane_core::backend::{Backend, BuildOptions, QueryLayout};
@@ -10,20 +11,12 @@ use splitplane_core::error::QueryError;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::query::overlap::{self, OverlapOptions, Overlaps, Plane, Volume};
 use splitplane_core::scene::{Instance, Scene, Transform};
+use splitplane_core::triangle::Triangle;
 use splitplane_core::watch::Progress;
 use splitplane_cpu::{CpuBackend, InstructionSet};
 use splitplane_test_support::exact::is_dropped;
 use splitplane_test_support::overlap::meets;
 use splitplane_test_support::random::Random;
-
-type Triangle = [[f32; 3]; 3];
-
-/// Triangles with corners on a small grid, some of them without area: they touch at corners, edges and in planes.
-fn lattice(count: usize, size: f32, seed: u64) -> Vec<Triangle> {
-    let mut random = Random::new(seed);
-    let mut at = || (random.below(7) as f32 - 3.0) * size;
-    (0..count).map(|_| [(); 3].map(|()| [at(), at(), at()])).collect()
-}
 
 fn soup(count: usize, size: f32, seed: u64) -> Vec<Triangle> {
     let mut random = Random::new(seed);

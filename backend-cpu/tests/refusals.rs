@@ -1,26 +1,22 @@
-//! Whichever request for memory the system refuses, the work ends in an error that says so, and what was
-//! there before serves as before.
+//! Whichever request for memory the system refuses, the work ends in an error that says so, and
+//! what was there before serves as before.
 //!
-//! On one thread each request is refused in turn, whatever its size: no request of a build, a load, all hits or
-//! points is exempt but those aligned to [`QUEUES`] bytes: these are what the thread pool's queues leave behind
-//! when they grow, which
-//! depends on what else the machine does, and nothing of ours is aligned so. On several threads those of less
-//! than [`SHARED`] bytes are granted: they are the thread
-//! pool's own, which has no way to say that it got none. Each of its queues takes 1 KiB of jobs at first,
-//! what is handed to it from outside 1.5 KiB for 63 jobs, and what threads leave to each other 2 KiB; all of
-//! that depends on the number of threads and of tasks within tasks, not on the size of what is worked on.
+//! On one thread each request is refused in turn, whatever its size: no request of a build, a load,
+//! all hits or points is exempt but those aligned to 128 bytes: these are what the thread pool's
+//! queues leave behind when they grow, which depends on what else the machine does, and nothing of
+//! ours is aligned so. On several threads those of less than [`SHARED`] bytes are granted: they are
+//! the thread pool's own, which has no way to say that it got none. Each of its queues takes 1 KiB
+//! of jobs at first, what is handed to it from outside 1.5 KiB for 63 jobs, and what threads leave
+//! to each other 2 KiB; all of that depends on the number of threads and of tasks within tasks, not
+//! on the size of what is worked on.
 //!
-//! What a thread keeps for the rays it has under way is made by its first batch. Later batches are shown to ask
-//! for nothing.
+//! What a thread keeps for the rays it has under way is made by its first batch. Later batches are
+//! shown to ask for nothing.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::fmt::Debug;
-use std::sync::atomic::Ordering::Relaxed;
-use std::sync::atomic::{AtomicBool, AtomicI64, AtomicUsize};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
-use rayon::{ThreadPool, ThreadPoolBuilder};
+use crate::counting::{Refuse, alone, pool};
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions, QueryLayout, locate_along};
 use splitplane_core::config::Preset;
 use splitplane_core::error::{BuildError, QueryError};
@@ -40,104 +36,9 @@ use splitplane_test_support::watch::goes_on;
 /// Bytes that a thread pool asks for at most at a time.
 const SHARED: usize = 4 << 10;
 
-/// The alignment of what is shared between the threads of a pool (`CachePadded` of crossbeam).
-const QUEUES: usize = 128;
-
 const PRESETS: [Preset; 3] = [Preset::Fast, Preset::Balanced, Preset::Best];
 const LAYOUTS: [QueryLayout; 2] = [QueryLayout::Fast, QueryLayout::Compact];
 const ACCURACIES: [Accuracy; 3] = [Accuracy::Watertight, Accuracy::Fast, Accuracy::Exact];
-
-/// The system's allocator, which refuses requests on demand.
-struct Refusing;
-
-static ARMED: AtomicBool = AtomicBool::new(false);
-/// Bytes of requests that count.
-static LEAST: AtomicUsize = AtomicUsize::new(0);
-/// Such requests that are granted still.
-static GRANTED: AtomicI64 = AtomicI64::new(0);
-/// Whether only one is refused, or all after it too.
-static ONCE: AtomicBool = AtomicBool::new(false);
-static REFUSED: AtomicUsize = AtomicUsize::new(0);
-
-thread_local! {
-    /// Whether this is a thread whose requests are refused: those of the test's own are not.
-    static COUNTS: Cell<bool> = const { Cell::new(false) };
-}
-
-fn is_granted(size: usize, align: usize) -> bool {
-    let counts = size >= LEAST.load(Relaxed) && align < QUEUES;
-    if !ARMED.load(Relaxed) || !counts || !COUNTS.with(Cell::get) {
-        return true;
-    }
-    let granted = GRANTED.fetch_sub(1, Relaxed);
-    let refused = granted == 0 || granted < 0 && !ONCE.load(Relaxed);
-    REFUSED.fetch_add(usize::from(refused), Relaxed);
-    !refused
-}
-
-// SAFETY: hands what it grants on to the system's allocator.
-unsafe impl GlobalAlloc for Refusing {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        if is_granted(layout.size(), layout.align()) {
-            // SAFETY: the caller's contract.
-            unsafe { System.alloc(layout) }
-        } else {
-            std::ptr::null_mut()
-        }
-    }
-
-    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
-        // SAFETY: the caller's contract.
-        unsafe { System.dealloc(memory, layout) }
-    }
-
-    unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        if !is_granted(size, layout.align()) {
-            return std::ptr::null_mut();
-        }
-        // SAFETY: the caller's contract.
-        unsafe { System.realloc(memory, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Refusing = Refusing;
-
-/// One test at a time.
-fn alone() -> MutexGuard<'static, ()> {
-    static ONE: Mutex<()> = Mutex::new(());
-    ONE.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// A pool whose threads' requests are refused, except those that they need to end: they do after
-/// the pool is gone.
-fn pool(threads: usize) -> ThreadPool {
-    let pool = ThreadPoolBuilder::new().num_threads(threads);
-    let pool = pool.start_handler(|_| COUNTS.set(true)).exit_handler(|_| COUNTS.set(false));
-    pool.build().expect("threads")
-}
-
-/// Refuses the request of this number, from 0 on, or all from it on.
-#[derive(Clone, Copy, Debug)]
-struct Refuse {
-    number: i64,
-    once: bool,
-    least: usize,
-}
-
-impl Refuse {
-    /// Does some work, of which the request is one.
-    fn during<T>(&self, work: impl FnOnce() -> T) -> T {
-        LEAST.store(self.least, Relaxed);
-        GRANTED.store(self.number, Relaxed);
-        ONCE.store(self.once, Relaxed);
-        REFUSED.store(0, Relaxed);
-        ARMED.store(true, Relaxed);
-        let out = work();
-        ARMED.store(false, Relaxed);
-        out
-    }
-}
 
 /// Errors of work for which there is no memory.
 trait Error: Debug {
@@ -177,7 +78,7 @@ fn refusals<T, E: Error>(
             for number in 0.. {
                 let refuse = Refuse { number, once, least };
                 let out = work(&refuse);
-                let was_refused = REFUSED.load(Relaxed) > 0;
+                let was_refused = Refuse::was_refused();
                 match &out {
                     // Where it did without, or tried again.
                     Ok(out) => assert!(is_right(out), "{what}: {refuse:?}"),
@@ -194,7 +95,8 @@ fn refusals<T, E: Error>(
                 }
             }
         }
-        // How many requests there are depends on what a backend keeps from the work before, which refusals change.
+        // How many requests there are depends on what a backend keeps from the work before, which
+        // refusals change.
         assert!(
             errors >= last,
             "{what}: {errors} errors of {last} requests refused with all that follow"
@@ -323,7 +225,8 @@ fn large_builds_say_so() {
             let requests = refusals(
                 &what,
                 threads,
-                // Of 16 KiB at least, or it takes minutes: what asks for less asks for more as well.
+                // Of 16 KiB at least, or it takes minutes: what asks for less asks for more as
+                // well.
                 4 * SHARED,
                 |refuse| {
                     let backend = CpuBackend::new();
@@ -431,8 +334,8 @@ fn through(scene: &Scene, direction: [f32; 3], count: usize) -> Vec<Ray> {
     (0..count).map(|ray| Ray::new([0, 1, 2].map(|i| along(i, far(ray))), direction)).collect()
 }
 
-/// All hits: of the CPU's accelerator, of the reference, and put together from slices as accelerators do that
-/// know nothing better.
+/// All hits: of the CPU's accelerator, of the reference, and put together from slices as
+/// accelerators do that know nothing better.
 #[test]
 fn all_hits_say_so() {
     let _alone = alone();
@@ -537,10 +440,10 @@ fn first_batches_say_so() {
                 let new = pool(1);
                 let closest = new
                     .install(|| refuse.during(|| built.closest_hits(&rays, &mut hits, &options)));
-                let was_refused = REFUSED.load(Relaxed) > 0;
+                let was_refused = Refuse::was_refused();
                 let any_hit =
                     pool(1).install(|| refuse.during(|| built.any_hits(&rays, &mut any, &options)));
-                assert_eq!(was_refused, REFUSED.load(Relaxed) > 0, "{what}");
+                assert_eq!(was_refused, Refuse::was_refused(), "{what}");
                 let mut alone = vec![Hit::MISS; rays.len()];
                 pool(1).install(|| refuse.during(|| singly(&rays, &mut alone)));
                 assert!(alone == expected, "{what}");
@@ -586,7 +489,7 @@ fn batches_ask_for_nothing_more() {
             any.fill(false);
             let refuse = Refuse { number: 0, once: false, least: 1 };
             refuse.during(|| trace(&mut hits, &mut any));
-            assert_eq!(REFUSED.load(Relaxed), 0, "{layout:?}, {accuracy:?}");
+            assert!(!Refuse::was_refused(), "{layout:?}, {accuracy:?}");
             assert!((hits, any) == expected, "{layout:?}, {accuracy:?}");
         });
     }

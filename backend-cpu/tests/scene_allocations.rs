@@ -1,11 +1,8 @@
 //! Updates of a scene by what keeps memory: with spares moved vertices take next to no new memory, and the scene is the same.
 
-#[path = "common/counting.rs"]
-mod counting;
-
 use core::ops::ControlFlow;
 
-use counting::allocated;
+use crate::counting::{allocated, alone, pool};
 use splitplane_core::backend::scene::{SceneAccelerator, SceneUpdater};
 use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::mesh::Mesh;
@@ -38,11 +35,11 @@ fn scene() -> (Scene, GeometryId) {
     (scene, moves)
 }
 
-/// One test, since it counts for the whole process.
 #[test]
 fn updates_of_moved_vertices_allocate_a_counted_few() {
+    let _alone = alone();
     let (backend, options) = (CpuBackend::new(), BuildOptions::default());
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let pool = pool(1);
     pool.install(|| {
         let (mut scene, moves) = scene();
         let mut built = backend.build_scene(&scene, &options).unwrap();

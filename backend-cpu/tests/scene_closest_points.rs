@@ -2,6 +2,7 @@
 
 use core::ops::ControlFlow;
 
+use crate::common::long;
 use splitplane_core::backend::scene::{
     BuiltScene, HostScene, SceneAccelerator, SceneClosestPoint, SceneClosestPointOptions,
 };
@@ -58,7 +59,7 @@ fn points(scene: &Scene, count: usize, seed: u64) -> Vec<[f32; 3]> {
 #[test]
 fn closest_points_are_those_of_all_triangles() {
     let backend = CpuBackend::new();
-    let count = if std::env::var_os("SPLITPLANE_LONG").is_some() { 20_000 } else { 150 };
+    let count = if long() { 20_000 } else { 150 };
     for (seed, kind) in (0..).zip(Kind::ALL) {
         let (mut scene, names) = objects::scene(kind, 40, 60 + seed);
         let options = BuildOptions::from(Preset::ALL[seed as usize % Preset::ALL.len()]);

@@ -1,7 +1,7 @@
 //! Every way to ask, on a small scene, and a smaller one under Miri, which sees reads and writes out of
 //! bounds, uninitialised memory and data races where tests see hits only. It takes 40 minutes there (the
 //! threads of rayon's pool never end, hence the leaks):
-//! `MIRIFLAGS="-Zmiri-disable-isolation -Zmiri-tree-borrows -Zmiri-ignore-leaks" cargo +nightly miri test -p splitplane-cpu --test small`.
+//! `MIRIFLAGS="-Zmiri-disable-isolation -Zmiri-tree-borrows -Zmiri-ignore-leaks" cargo +nightly miri test -p splitplane-cpu --test suite small::`.
 
 use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
 use splitplane_core::mesh::Mesh;

@@ -1,22 +1,17 @@
 //! Rays that go the same way through scenes, as those of a camera or towards a light: they are answered together, and as they are alone.
 
+use crate::common::{built_by, scene_bits};
 use splitplane_core::backend::scene::SceneAccelerator;
-use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::ray::{Accuracy, Culling, Ray};
 use splitplane_core::scene::{Scene, SceneHit, SceneOptions};
-use splitplane_cpu::{CpuBackend, InstructionSet};
+use splitplane_cpu::InstructionSet;
 use splitplane_test_support::objects::{self, Kind};
 use splitplane_test_support::random::Random;
-
-fn built(set: InstructionSet, scene: &Scene) -> Box<dyn SceneAccelerator> {
-    let backend = CpuBackend::with_instruction_set(set);
-    backend.build_scene(scene, &BuildOptions::default()).expect("a scene")
-}
 
 /// Bundles of 32 rays through a scene, each towards an instance: from one point, or side by side, some with limits; every fifth bundle has a ray that
 /// nothing can be said of, or one that goes elsewhere.
 fn bundles(scene: &Scene, count: usize, seed: u64) -> Vec<Ray> {
-    let single = built(InstructionSet::detect(), scene);
+    let single = built_by(InstructionSet::detect(), scene);
     let boxes: Vec<_> =
         single.scene().placements().filter_map(|(_, own)| Some(own.world_box?.bounds)).collect();
     let mut random = Random::new(seed);
@@ -56,10 +51,6 @@ fn bundles(scene: &Scene, count: usize, seed: u64) -> Vec<Ray> {
     rays
 }
 
-fn bits(hits: &[SceneHit]) -> Vec<[u32; 6]> {
-    bytemuck::cast_slice(hits).to_vec()
-}
-
 /// Closest and any hits of all rays against all instances, one after the other, on every instruction set.
 fn compare(scene: &Scene, rays: &[Ray], what: &str) -> usize {
     let mut found = 0;
@@ -67,7 +58,7 @@ fn compare(scene: &Scene, rays: &[Ray], what: &str) -> usize {
         let accuracy = Accuracy::Watertight;
         let options = &SceneOptions { accuracy, culling, mask: 0x55, ..SceneOptions::default() };
         for set in InstructionSet::available() {
-            let accelerator = &*built(set, scene);
+            let accelerator = &*built_by(set, scene);
             let expected: Vec<SceneHit> =
                 rays.iter().map(|ray| accelerator.scene().answer_by_all(ray, options)).collect();
             let mut hits = vec![SceneHit::MISS; rays.len()];
@@ -77,8 +68,8 @@ fn compare(scene: &Scene, rays: &[Ray], what: &str) -> usize {
             for (place, (hit, expected)) in hits.iter().zip(&expected).enumerate() {
                 let ray = &rays[place];
                 assert_eq!(
-                    bits(&[*hit]),
-                    bits(&[*expected]),
+                    scene_bits(&[*hit]),
+                    scene_bits(&[*expected]),
                     "{what} {set:?} {place} {ray:?}: {hit:?} {expected:?}"
                 );
                 assert_eq!(any[place], expected.is_hit(), "{what} {set:?} {place} {ray:?}");

@@ -3,8 +3,8 @@
 
 use core::ops::ControlFlow;
 
+use crate::common::tree_of;
 use splitplane_core::aabb::Aabb;
-use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::config::Preset;
 use splitplane_core::exact::ExactRay;
 use splitplane_core::query::along::LeafAlong;
@@ -13,17 +13,11 @@ use splitplane_core::query::traverse::{Query, Triangles};
 use splitplane_core::ray::{Culling, Hit, QueryOptions, Ray};
 use splitplane_core::tree::KdTree;
 use splitplane_core::tree::node::NodeKind;
-use splitplane_cpu::CpuBackend;
 use splitplane_test_support::oracle::Oracle;
 use splitplane_test_support::random::Random;
 use splitplane_test_support::scenes::{self, Scene};
 
 const FAR: f64 = f64::INFINITY;
-
-fn build(scene: &Scene, preset: Preset) -> KdTree {
-    let options = BuildOptions { config: preset.config(), ..Default::default() };
-    CpuBackend::new().build_accelerator(&scene.mesh(), &options).expect("a tree").tree().clone()
-}
 
 /// A leaf, found by recursion.
 struct Cell {
@@ -103,7 +97,7 @@ fn trees() -> Vec<(Scene, KdTree, Vec<Cell>)> {
     let mut trees = Vec::new();
     for scene in scenes::awkward() {
         for preset in [Preset::Fast, Preset::Balanced, Preset::Best] {
-            let tree = build(&scene, preset);
+            let tree = tree_of(&scene, preset);
             let mut leaves = Vec::new();
             cells(&tree, 0, tree.bounds, &[], &mut leaves);
             let in_range = |cell: &Cell| {
@@ -297,8 +291,8 @@ fn the_nearest_hit_is_found() {
 
 #[test]
 fn rays_that_hit_nothing_pass_no_leaf() {
-    let tree = build(&scenes::sphere(8, [0.0; 3], 1.0), Preset::Balanced);
-    let none = build(&scenes::none(), Preset::Balanced);
+    let tree = tree_of(&scenes::sphere(8, [0.0; 3], 1.0), Preset::Balanced);
+    let none = tree_of(&scenes::none(), Preset::Balanced);
     let (o, d) = ([-3.0, 0.1, 0.2], [1.0, 0.0, 0.0]);
     assert!(!visited(&tree, &Ray::new(o, d)).is_empty());
     assert!(visited(&none, &Ray::new(o, d)).is_empty());

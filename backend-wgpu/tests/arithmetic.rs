@@ -5,10 +5,7 @@
 //! either sign of zero; both are compared after flushing. Operands whose result overflows are left
 //! out: WGSL does not say what comes then, and no kernel lets it happen.
 
-mod common;
-#[path = "common/hostile.rs"]
-mod hostile;
-
+use crate::common::{self, hostile};
 use splitplane_core::arithmetic::{
     Arithmetic, Double, Strict, exponent, flush, ordered_bits, power_of_two, snap,
 };

@@ -1,14 +1,13 @@
 //! The asynchronous calls: the same bits as those that block, while the thread is free for other work; ended by being dropped, by a
 //! watch, by the loss of the device or by its time-out, they leave the backend as it was.
 
-mod common;
-
 use std::ops::ControlFlow;
 use std::pin::{Pin, pin};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::task::{Context, Poll, Waker};
 use std::time::{Duration, Instant};
 
+use crate::common::{self, PATIENCE, options};
 use splitplane_core::backend::scene::SceneAccelerator;
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::error::{BuildError, DeviceError, QueryError};
@@ -19,15 +18,7 @@ use splitplane_core::watch::Progress;
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::scenes::{self, Scene};
-use splitplane_wgpu::{DeviceQueryError, Gpu, GpuError, OpenOptions, WgpuAccelerator, WgpuBackend};
-
-/// Nothing here takes as long; what takes longer hangs.
-const PATIENCE: Duration = Duration::from_secs(120);
-
-fn options() -> OpenOptions {
-    let adapter = std::env::var("SPLITPLANE_ADAPTER").ok();
-    OpenOptions { default_limits: true, adapter, ..Default::default() }
-}
+use splitplane_wgpu::{DeviceQueryError, Gpu, GpuError, WgpuAccelerator, WgpuBackend};
 
 fn backend() -> WgpuBackend {
     pollster::block_on(WgpuBackend::new_async(Gpu::clone(&common::gpu()))).expect("a backend")

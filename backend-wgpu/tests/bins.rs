@@ -1,7 +1,6 @@
 //! The WGSL twins of bins and wide costs against the core's, bit for bit, on this machine's device.
 
-mod common;
-
+use crate::common;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::{Hostile, Strict, power_of_two, snap};
 use splitplane_core::build::bins::{BinAxis, expected_split_cost, wide_leaf_cost, wide_split_cost};

@@ -1,9 +1,8 @@
 //! Builds under way, consecutive and concurrent: whatever came before, the tree is the CPU's.
 
-mod common;
-
 use std::time::{Duration, Instant};
 
+use crate::common::{self, PATIENCE, backend};
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::error::{BuildError, DeviceError};
@@ -19,13 +18,6 @@ use splitplane_wgpu::{
     DeviceBuild, DeviceMesh, DeviceTree, Effort, Gpu, GpuError, PendingBuild, WgpuAccelerator,
     WgpuBackend,
 };
-
-/// Nothing here takes as long; a test that waits longer hangs.
-const PATIENCE: Duration = Duration::from_secs(120);
-
-fn backend() -> WgpuBackend {
-    WgpuBackend::new(Gpu::clone(&common::gpu())).expect("a backend")
-}
 
 /// A backend that nothing was built on, not even by a self-test.
 fn fresh() -> WgpuBackend {

@@ -1,9 +1,6 @@
 //! Rays through compressed nodes on the device against the core's reference traversal of the tree, bit for bit.
 
-mod common;
-
-use std::sync::{Arc, OnceLock};
-
+use crate::common::{bits, queries};
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::config::{BuildConfig, Preset};
@@ -17,12 +14,7 @@ use splitplane_cpu::CpuBackend;
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::random::Random;
 use splitplane_test_support::scenes::{self, Scene};
-use splitplane_wgpu::{Queries, WgpuAccelerator};
-
-fn queries() -> Arc<Queries> {
-    static QUERIES: OnceLock<Arc<Queries>> = OnceLock::new();
-    QUERIES.get_or_init(|| Arc::new(Queries::new(common::gpu()))).clone()
-}
+use splitplane_wgpu::WgpuAccelerator;
 
 struct Case {
     name: String,
@@ -78,10 +70,6 @@ impl Case {
         }
         [count, report.answered_by_cpu as usize]
     }
-}
-
-fn bits(hit: &Hit) -> [u32; 4] {
-    [hit.t.to_bits(), hit.triangle, hit.u.to_bits(), hit.v.to_bits()]
 }
 
 /// Rays of every kind, with odd, invalid and random ones among them, in planes of the tree and from corners on.

@@ -2,12 +2,9 @@
 //! in each of them are seen at its first dispatch; the finished nodes are those of the CPU, and rays through them have the
 //! CPU's hits.
 
-mod common;
-#[path = "common/poison.rs"]
-mod poison;
+use std::sync::Arc;
 
-use std::sync::{Arc, OnceLock};
-
+use crate::common::{self, own_gpu, poison, queries, source_of};
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::build::compress::{Reference, compress, most_nodes};
 use splitplane_core::build::lockstep::{Lockstep, LockstepError};
@@ -19,19 +16,7 @@ use splitplane_core::triangle::{Triangle, prepare};
 use splitplane_cpu::{CpuAccelerator, CpuBackend};
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::scenes::{self, Scene};
-use splitplane_wgpu::{DeviceTree, Gpu, OpenOptions, Queries, WgpuBackend};
-
-fn queries() -> Arc<Queries> {
-    static QUERIES: OnceLock<Arc<Queries>> = OnceLock::new();
-    QUERIES.get_or_init(|| Arc::new(Queries::new(common::gpu()))).clone()
-}
-
-/// A device of a test's own, whose traffic no other test adds to.
-fn own_gpu() -> Gpu {
-    let adapter = std::env::var("SPLITPLANE_ADAPTER").ok();
-    let open = OpenOptions { default_limits: true, adapter, ..OpenOptions::default() };
-    Gpu::open(&open).expect("the device tests need a GPU or a software Vulkan")
-}
+use splitplane_wgpu::{DeviceTree, Queries, WgpuBackend};
 
 struct Case {
     name: String,
@@ -137,10 +122,6 @@ fn queues_may_be_outgrown() {
     assert!(device.bytes() - bytes >= 80 * nodes as u64);
 }
 
-fn source_of(kernel: CompressKernel) -> String {
-    splitplane_shaders::find(kernel.name()).expect("a kernel").source()
-}
-
 /// Whatever the memory of workgroups holds at first.
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
@@ -148,7 +129,7 @@ fn memory_of_workgroups_may_hold_anything() {
     let case = Case::new(&scenes::soup(700, 0.3, 8), Preset::Fast.config());
     for kernel in CompressKernel::ALL {
         for word in poison::WORDS {
-            let Some(source) = poison::poisoned(&source_of(kernel), word) else { continue };
+            let Some(source) = poison::poisoned(&source_of(kernel.name()), word) else { continue };
             let queries = Queries::new(common::gpu());
             queries.replace_compress_kernel(kernel, Some(source));
             assert_eq!(case.in_step(&queries, 40).0, None, "{kernel:?}");
@@ -192,7 +173,7 @@ fn planted_faults_are_named() {
     cases.extend(cases_with_lost_leaves());
     let mut unseen = Vec::new();
     for (kernel, from, to) in faults {
-        let source = source_of(kernel);
+        let source = source_of(kernel.name());
         assert!(source.contains(from), "{from}: the text is not there");
         let queries = Queries::new(common::gpu());
         queries.replace_compress_kernel(kernel, Some(source.replacen(from, to, 1)));

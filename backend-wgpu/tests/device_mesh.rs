@@ -1,7 +1,6 @@
 //! Meshes that are on the device already: the same trees as from host memory.
 
-mod common;
-
+use crate::common;
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::error::BuildError;
 use splitplane_cpu::CpuBackend;

@@ -1,11 +1,10 @@
 //! Drivers that compile without end: simulated ones, which stall until the test releases them.
 
-mod common;
-
 use std::sync::{Arc, Mutex, mpsc};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use crate::common;
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_test_support::scenes;

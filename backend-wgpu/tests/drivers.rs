@@ -1,10 +1,7 @@
 //! Builds on drivers that do what WGSL lets them do: each kernel, rewritten as such a driver has it, leaves the CPU's bytes.
 //! Queries on them are in `hits.rs`. No kernel asks for subgroups, so that their size cannot show.
 
-mod common;
-#[path = "common/hostile.rs"]
-mod hostile;
-
+use crate::common::{self, hostile};
 use splitplane_core::build::lockstep::{Lockstep, LockstepError};
 use splitplane_core::build::schedule;
 use splitplane_core::config::{BuildConfig, Preset};

@@ -1,10 +1,7 @@
 //! Accuracy `exact` on the device: decided rays have the oracle's hit, the others are redone or
 //! flagged, and counted; twins of shader and core decide alike.
 
-mod common;
-
-use std::sync::{Arc, OnceLock};
-
+use crate::common::{self, bits, tested_queries as queries};
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::query::certify;
@@ -19,7 +16,7 @@ use splitplane_shaders::{TriangleTest, traversal};
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::oracle::{Oracle, OracleHit};
 use splitplane_test_support::scenes::{self, Scene};
-use splitplane_wgpu::{DeviceQueryError, Marked, Parity, Queries, UNFINISHED, WgpuAccelerator};
+use splitplane_wgpu::{DeviceQueryError, Marked, UNFINISHED, WgpuAccelerator};
 
 const EXACT: QueryOptions = QueryOptions {
     accuracy: Accuracy::Exact,
@@ -30,16 +27,6 @@ const EXACT: QueryOptions = QueryOptions {
 };
 const FLAG: QueryOptions = QueryOptions { undecided: Undecided::Flag, ..EXACT };
 const STALE: Hit = Hit { t: -7.0, triangle: 0xdead, u: 7.0, v: 7.0 };
-
-fn queries() -> Arc<Queries> {
-    static QUERIES: OnceLock<Arc<Queries>> = OnceLock::new();
-    let tested = || {
-        let queries = Queries::new(common::gpu());
-        queries.set_parity(&Parity::Bitwise);
-        Arc::new(queries)
-    };
-    QUERIES.get_or_init(tested).clone()
-}
 
 /// A tree in host and in device memory.
 struct Case {
@@ -81,11 +68,6 @@ impl Case {
         let marked = queries().closest_hits_marking(tree, rays, &mut hits, options).expect("hits");
         (hits, marked)
     }
-}
-
-/// Bits, so that -0 differs from 0.
-fn bits(hit: &Hit) -> [u32; 4] {
-    [hit.t.to_bits(), hit.triangle, hit.u.to_bits(), hit.v.to_bits()]
 }
 
 /// Rays of every kind, with odd and invalid ones among them.

@@ -1,10 +1,9 @@
 //! The extremes suite on a device: the CPU's trees and hits, bit for bit, whatever the magnitudes.
 //! What those hits are worth is judged by the exact oracle where the CPU's are.
 
-mod common;
-
 use std::time::Duration;
 
+use crate::common::{self, bits};
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::config::Preset;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
@@ -13,11 +12,6 @@ use splitplane_test_support::aim::Aim;
 use splitplane_test_support::extremes;
 use splitplane_test_support::scenes::Scene;
 use splitplane_wgpu::{Gpu, WgpuBackend};
-
-/// Bits, so that -0 differs from 0.
-fn bits(hit: &Hit) -> [u32; 4] {
-    [hit.t.to_bits(), hit.triangle, hit.u.to_bits(), hit.v.to_bits()]
-}
 
 fn closest(built: &dyn Accelerator, rays: &[Ray]) -> Vec<Hit> {
     let stale = Hit { t: -7.0, triangle: 0xdead, u: 7.0, v: 7.0 };

@@ -137,7 +137,7 @@ fn no_memory_is_an_error_and_the_device_lives_on() {
         let status = std::process::Command::new("sh")
             .args(["-c", "ulimit -v 2000000 && exec \"$0\" \"$@\""])
             .arg(std::env::current_exe().unwrap())
-            .args(["--exact", "no_memory_is_an_error_and_the_device_lives_on"])
+            .args(["--exact", "faults::no_memory_is_an_error_and_the_device_lives_on"])
             .env(CHILD, "1")
             .status();
         assert!(status.unwrap().success());

@@ -1,7 +1,6 @@
 //! Lists that one storage binding does not hold, on devices with small limits: the same steps, trees and hits.
 
-mod common;
-
+use crate::common;
 use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::build::lockstep::{Difference, Lockstep, LockstepError};
 use splitplane_core::build::schedule;

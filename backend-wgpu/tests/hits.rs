@@ -1,15 +1,6 @@
 //! Hits of the device against the core's reference traversal, bit for bit.
 
-#[path = "common/by_sources.rs"]
-mod by_sources;
-mod common;
-#[path = "common/hostile.rs"]
-mod hostile;
-#[path = "common/poison.rs"]
-mod poison;
-
-use std::sync::{Arc, OnceLock};
-
+use crate::common::{self, along_x, bits, by_sources, hostile, poison, queries};
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::config::MAX_DEPTH;
@@ -25,12 +16,7 @@ use splitplane_shaders::{TriangleTest, traversal};
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::random::Random;
 use splitplane_test_support::scenes::{self, Scene};
-use splitplane_wgpu::{DeviceQueryError, Queries, UNFINISHED, WgpuAccelerator};
-
-fn queries() -> Arc<Queries> {
-    static QUERIES: OnceLock<Arc<Queries>> = OnceLock::new();
-    QUERIES.get_or_init(|| Arc::new(Queries::new(common::gpu()))).clone()
-}
+use splitplane_wgpu::{DeviceQueryError, UNFINISHED, WgpuAccelerator};
 
 /// A tree in host and in device memory.
 struct Case {
@@ -98,11 +84,6 @@ impl Case {
         }
         count
     }
-}
-
-/// Bits, so that -0 differs from 0.
-fn bits(hit: &Hit) -> [u32; 4] {
-    [hit.t.to_bits(), hit.triangle, hit.u.to_bits(), hit.v.to_bits()]
 }
 
 /// Rays of every kind, with odd, invalid and random ones among them.
@@ -629,13 +610,6 @@ fn away(scene: &Scene, extents: f32) -> Vec<Ray> {
     vertices
         .map(|p| Ray::new([0, 1, 2].map(|k| p[k] - extents * extent * towards[k]), towards))
         .collect()
-}
-
-/// Rays that run along x, spread a little, from the octaves of [`scenes::octaves`] on.
-fn along_x(count: u32) -> Vec<Ray> {
-    let slope = |i: u32| (i as f32 * 0.618_034).fract() * 0.5 - 0.25;
-    let start = |i: u32| [0.5 * (1 << (i % 20)) as f32, 0.0, 0.0];
-    (0..count).map(|i| Ray::new(start(i), [1.0, slope(i), slope(7 * i + 3)])).collect()
 }
 
 /// A lean traversal answers most rays; the others, which its short stack does not serve, are traced again.

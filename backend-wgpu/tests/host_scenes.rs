@@ -1,10 +1,7 @@
 //! Rays through scenes of many objects from a host's own shader: the CPU's hits, bit for bit, with a function of the host's that decides which count
 //! and without one.
 
-#[path = "common/odd_rays.rs"]
-mod odd_rays;
-
-use odd_rays::odd;
+use crate::common::{odd_rays::odd, own_gpu};
 use splitplane_core::backend::scene::{SceneAccelerator, write_file};
 use splitplane_core::backend::{Backend, BuildOptions, LoadOptions};
 use splitplane_core::mesh::Mesh;
@@ -18,7 +15,7 @@ use splitplane_cpu::CpuBackend;
 use splitplane_shaders::{filtered_scene_traversal, scene_traversal};
 use splitplane_test_support::objects::{self, Kind};
 use splitplane_wgpu::query::{SceneBindings, WgpuScene};
-use splitplane_wgpu::{Gpu, GpuError, OpenOptions, UNFINISHED, WgpuBackend};
+use splitplane_wgpu::{Gpu, GpuError, UNFINISHED, WgpuBackend};
 
 /// The host's shader. One word more than a hit's record for each ray; in place of the triangle what is told of rays that are not followed to their end.
 const SHADER: &str = "
@@ -55,12 +52,6 @@ fn source(filtered: bool) -> String {
     } else {
         scene_traversal(1, 2) + SHADER
     }
-}
-
-fn open() -> Gpu {
-    let adapter = std::env::var("SPLITPLANE_ADAPTER").ok();
-    let open = OpenOptions { default_limits: true, adapter, ..Default::default() };
-    Gpu::open(&open).expect("the device tests need a GPU or a software Vulkan")
 }
 
 /// A host: its device, and its shader.
@@ -196,7 +187,7 @@ impl Case {
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn a_hosts_hits_are_those_of_the_cpu() {
-    let gpu = open();
+    let gpu = own_gpu();
     let backend = WgpuBackend::without_selftest(gpu);
     let mut all_hits = [Vec::new(), Vec::new()];
     for filtered in [false, true] {
@@ -230,7 +221,7 @@ fn a_hosts_hits_are_those_of_the_cpu() {
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn ties_go_to_the_least_name_that_is_accepted() {
-    let backend = WgpuBackend::without_selftest(open());
+    let backend = WgpuBackend::without_selftest(own_gpu());
     let mut scene = Scene::new();
     // Two triangles in one place, in five instances in one place.
     let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
@@ -264,7 +255,7 @@ fn ties_go_to_the_least_name_that_is_accepted() {
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn bindings_are_those_of_the_scene_as_it_is() {
-    let backend = WgpuBackend::without_selftest(open());
+    let backend = WgpuBackend::without_selftest(own_gpu());
     let host = Host::new(backend.gpu(), &source(false));
     let (full, names) = objects::scene(Kind::Ordinary, 12, 31);
     let rays = objects::rays(&full, 200, 32);
@@ -301,7 +292,7 @@ fn bindings_are_those_of_the_scene_as_it_is() {
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn a_loaded_scene_is_bound() {
-    let backend = WgpuBackend::without_selftest(open());
+    let backend = WgpuBackend::without_selftest(own_gpu());
     let host = Host::new(backend.gpu(), &source(false));
     let (mut scene, names) = objects::scene(Kind::Ordinary, 30, 41);
     objects::mask(&mut scene, 42);
@@ -354,7 +345,7 @@ fn a_loaded_scene_is_bound() {
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn a_stated_layout_serves() {
-    let backend = WgpuBackend::without_selftest(open());
+    let backend = WgpuBackend::without_selftest(own_gpu());
     let entries = SceneBindings::bind_group_layout_entries(4, wgpu::ShaderStages::COMPUTE);
     let descriptor = wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries };
     let layout = backend.gpu().device().create_bind_group_layout(&descriptor);
@@ -376,7 +367,7 @@ fn a_stated_layout_serves() {
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn a_ray_whose_way_the_driver_ends_is_unfinished() {
     const ROW: u32 = 12_000;
-    let backend = WgpuBackend::without_selftest(open());
+    let backend = WgpuBackend::without_selftest(own_gpu());
     let mut scene = Scene::new();
     let corners = [[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]];
     let geometry = scene.add_mesh(&Mesh::soup(&corners).expect("a mesh")).expect("a geometry");
@@ -449,7 +440,7 @@ fn planted_faults_are_found() {
             "SceneHit(t, select(span.u.y, span.u.x, k == 1u)",
         ),
     ];
-    let backend = WgpuBackend::without_selftest(open());
+    let backend = WgpuBackend::without_selftest(own_gpu());
     let kinds = [(Kind::Ordinary, 0), (Kind::IllConditioned, 2), (Kind::Coincident, 3)];
     let cases = kinds.map(|(kind, with)| {
         let case = Case::new(kind, with, true, 50);

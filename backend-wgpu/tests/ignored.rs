@@ -107,7 +107,10 @@ fn tests_that_need_a_device_are_marked() {
     let unmarked = names(&tests, |test| !marked(test) && !listed(test));
     assert!(unmarked.is_empty(), "add {NO_GPU}\nto {unmarked:#?}");
     let opening = names(&tests, |test| {
-        listed(test) && (test.body.contains("common::") || test.body.contains("Gpu::open("))
+        listed(test)
+            && ["common::", "own_gpu(", "Gpu::open("]
+                .iter()
+                .any(|opening| test.body.contains(opening))
     });
     let opening = elsewhere(&opening);
     assert!(opening.is_empty(), "these open a device: {opening:#?}");

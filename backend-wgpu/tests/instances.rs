@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::common::own_gpu;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::scene::SceneAccelerator;
 use splitplane_core::backend::{Backend, BuildOptions};
@@ -12,7 +13,7 @@ use splitplane_core::scene::{
 };
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::objects::{self, Kind};
-use splitplane_wgpu::{Gpu, OpenOptions, WgpuBackend};
+use splitplane_wgpu::WgpuBackend;
 
 /// A set without shapes, by functions.
 struct Nothing;
@@ -44,10 +45,7 @@ fn answers(
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn a_device_finds_the_cpus_hits_and_stays_up_to_date() {
-    let adapter = std::env::var("SPLITPLANE_ADAPTER").ok();
-    let open = OpenOptions { default_limits: true, adapter, ..Default::default() };
-    let gpu = Gpu::open(&open).expect("the device tests need a GPU or a software Vulkan");
-    let device = WgpuBackend::new(gpu).expect("a backend");
+    let device = WgpuBackend::new(own_gpu()).expect("a backend");
     let (cpu, build) = (CpuBackend::new(), BuildOptions::default());
     let mut found = 0;
     for kind in [Kind::Ordinary, Kind::IllConditioned, Kind::Coincident] {

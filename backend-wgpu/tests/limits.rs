@@ -1,12 +1,11 @@
 //! Builds and batches on a device end when their watch cancels them, and everything stays usable.
 
-mod common;
-
 use std::ops::ControlFlow;
 use std::sync::Mutex;
 use std::sync::atomic::AtomicUsize;
 use std::sync::atomic::Ordering::Relaxed;
 
+use crate::common;
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions};
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::error::{BuildError, QueryError};

@@ -1,19 +1,13 @@
 //! All hits, their numbers and points in a mesh on the device: the CPU's answers, bit for bit, in every scene; what is left to
 //! the CPU is counted; the kernels list and count what the core's twin does, and faults in their text are seen.
 
-mod common;
-
-#[path = "common/by_sources.rs"]
-mod by_sources;
-#[path = "common/hostile.rs"]
-mod hostile;
-
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
-use std::sync::{Arc, OnceLock};
 
+use crate::common::{self, by_sources, hostile, tested_queries as queries};
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::error::QueryError;
@@ -27,17 +21,7 @@ use splitplane_cpu::{CpuAccelerator, CpuBackend};
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::random::Random;
 use splitplane_test_support::scenes::{self, Scene};
-use splitplane_wgpu::{Parity, Queries, WgpuAccelerator};
-
-fn queries() -> Arc<Queries> {
-    static QUERIES: OnceLock<Arc<Queries>> = OnceLock::new();
-    let tested = || {
-        let queries = Queries::new(common::gpu());
-        queries.set_parity(&Parity::Bitwise);
-        Arc::new(queries)
-    };
-    QUERIES.get_or_init(tested).clone()
-}
+use splitplane_wgpu::{Queries, WgpuAccelerator};
 
 /// A tree on the CPU and on the device.
 struct Case {

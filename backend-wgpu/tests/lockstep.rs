@@ -1,10 +1,7 @@
 //! CPU and GPU executors side by side: equal live buffers after every dispatch, the finished tree among
 //! them, with WebGPU's default limits requested.
 
-mod common;
-#[path = "common/poison.rs"]
-mod poison;
-
+use crate::common::{self, poison};
 use splitplane_core::build::lockstep::{Difference, Lockstep, LockstepError};
 use splitplane_core::build::reference::kernels::is_of_middle_stage;
 use splitplane_core::build::schedule;

@@ -1,12 +1,11 @@
 //! A device that goes away, or takes too long, in the middle of the backend's work: always an error
 //! that says so, soon, and never a wrong answer.
 
-mod common;
-
 use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
 
+use crate::common::{self, PATIENCE, own_gpu};
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::error::{BuildError, DeviceError, QueryError};
 use splitplane_core::kernel::Kernel;
@@ -16,17 +15,12 @@ use splitplane_core::tree::KdTree;
 use splitplane_cpu::{CpuAccelerator, CpuBackend};
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::scenes::{self, Scene};
-use splitplane_wgpu::{DeviceQueryError, Gpu, GpuError, OpenOptions, Parity, Queries, WgpuBackend};
-
-/// Longer than anything here takes by far; what takes longer hangs.
-const PATIENCE: Duration = Duration::from_secs(60);
+use splitplane_wgpu::{DeviceQueryError, Gpu, GpuError, Parity, Queries, WgpuBackend};
 
 /// A device that a test may destroy: an own one, and one of a host, whose loss nobody reports.
 fn devices() -> [Gpu; 2] {
-    let adapter = std::env::var("SPLITPLANE_ADAPTER").ok();
-    let options = OpenOptions { default_limits: true, adapter, ..Default::default() };
     let [(device, queue), _] = common::host_devices(&wgpu::Limits::default());
-    [Gpu::open(&options).expect("a device"), Gpu::borrow(device, queue)]
+    [own_gpu(), Gpu::borrow(device, queue)]
 }
 
 fn backends() -> [WgpuBackend; 2] {

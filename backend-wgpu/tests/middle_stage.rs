@@ -1,10 +1,9 @@
 //! The middle stage of a build where it cannot be: void by each of its rules, left out for want of room. The tree is the CPU's all the
 //! same, the build says what became of the stage, and the next one knows.
 
-mod common;
-
 use std::time::{Duration, Instant};
 
+use crate::common::{self, PATIENCE, untested_backend as backend};
 use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::error::BuildError;
@@ -12,10 +11,6 @@ use splitplane_core::kernel::{Buffer, Kernel};
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::scenes::{self, Scene};
 use splitplane_wgpu::{DeviceBuild, Effort, Gpu, MiddleStage, PendingBuild, WgpuBackend};
-
-fn backend() -> WgpuBackend {
-    WgpuBackend::without_selftest(Gpu::clone(&common::gpu()))
-}
 
 /// Scenes and configurations for which the stage is void: by its own rules, and since a cap might bind.
 fn void_cases() -> Vec<(&'static str, Scene, BuildConfig)> {
@@ -61,7 +56,7 @@ fn polled(mut pending: PendingBuild) -> Result<DeviceBuild, BuildError> {
         if let Some(built) = pending.poll()? {
             return Ok(built);
         }
-        assert!(start.elapsed() < Duration::from_secs(600), "a build hangs");
+        assert!(start.elapsed() < PATIENCE, "a build hangs");
         std::thread::sleep(Duration::from_micros(200));
     }
 }

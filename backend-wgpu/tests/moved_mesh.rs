@@ -1,7 +1,6 @@
 //! Vertices that a kernel moves by transforms: the CPU's bits, trees of the moved mesh, and errors that say what is wrong.
 
-mod common;
-
+use crate::common::{self, untested_backend as backend};
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::scene::moved::{MoveError, move_vertices};
@@ -11,10 +10,6 @@ use splitplane_test_support::random::Random;
 use splitplane_test_support::scenes;
 use splitplane_wgpu::device::readback::read;
 use splitplane_wgpu::{DeviceMesh, Gpu, MovedMesh, MovedMeshError, WgpuBackend};
-
-fn backend() -> WgpuBackend {
-    WgpuBackend::without_selftest(Gpu::clone(&common::gpu()))
-}
 
 /// Vertices at rest in groups, and poses.
 struct Case {

@@ -1,11 +1,10 @@
 //! Closest points and overlaps on a device: the CPU backend's answers, bit for bit, on meshes that trees and bounds trip over; faults planted in
 //! the kernels are found; what a device cannot answer the host does, and it is counted.
 
-mod common;
-
 use std::ops::ControlFlow;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
+use crate::common::{self, own_gpu, tested_queries as kept, trusted};
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::error::{DeviceError, QueryError};
@@ -21,19 +20,7 @@ use splitplane_cpu::{CpuAccelerator, CpuBackend};
 use splitplane_test_support::aim::{Aim, Kind};
 use splitplane_test_support::random::Random;
 use splitplane_test_support::scenes::{self, Scene};
-use splitplane_wgpu::{Gpu, OpenOptions, Parity, Queries, WgpuAccelerator, WgpuBackend};
-
-/// Queries on a device that is as good as tested.
-fn trusted(gpu: Arc<Gpu>) -> Arc<Queries> {
-    let queries = Queries::new(gpu);
-    queries.set_parity(&Parity::Bitwise);
-    Arc::new(queries)
-}
-
-fn kept() -> Arc<Queries> {
-    static QUERIES: OnceLock<Arc<Queries>> = OnceLock::new();
-    QUERIES.get_or_init(|| trusted(common::gpu())).clone()
-}
+use splitplane_wgpu::{Gpu, Parity, Queries, WgpuAccelerator, WgpuBackend};
 
 /// A scene's tree on the CPU and on a device.
 fn both(scene: &Scene, queries: Arc<Queries>) -> (CpuAccelerator, WgpuAccelerator) {
@@ -400,9 +387,7 @@ fn batches_can_be_cancelled_and_limited() {
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn a_lost_device_is_an_error() {
-    let adapter = std::env::var("SPLITPLANE_ADAPTER").ok();
-    let open = OpenOptions { default_limits: true, adapter, ..OpenOptions::default() };
-    let gpu = Gpu::open(&open).expect("the device tests need a GPU or a software Vulkan");
+    let gpu = own_gpu();
     let raw = gpu.device().clone();
     let (_, device) = both(&scenes::soup(100, 0.3, 3), trusted(Arc::new(gpu)));
     raw.destroy();

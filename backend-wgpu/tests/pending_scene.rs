@@ -1,9 +1,8 @@
 //! Updates that a device builds while the old scene answers.
 
-mod common;
-
 use std::time::{Duration, Instant};
 
+use crate::common::{self, PATIENCE, backend};
 use splitplane_core::backend::scene::{FinishError, SceneAccelerator, SceneUpdater};
 use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::error::{BuildError, DeviceError};
@@ -16,13 +15,6 @@ use splitplane_cpu::CpuBackend;
 use splitplane_test_support::objects::{self, Kind};
 use splitplane_test_support::scenes;
 use splitplane_wgpu::{Gpu, PendingSceneUpdate, WgpuBackend};
-
-/// Nothing here takes as long; what takes longer hangs.
-const PATIENCE: Duration = Duration::from_secs(120);
-
-fn backend() -> WgpuBackend {
-    WgpuBackend::new(Gpu::clone(&common::gpu())).expect("a backend")
-}
 
 fn traced(scene: &dyn SceneAccelerator, rays: &[Ray]) -> Vec<[u32; 6]> {
     let mut hits = vec![SceneHit::MISS; rays.len()];

@@ -2,14 +2,10 @@
 //! serial builder; faults in each kernel are seen at the first dispatch that has them; limits, cancellation and a lost device end in the
 //! errors meant for them.
 
-mod common;
-#[path = "common/poison.rs"]
-mod poison;
+use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
 
-use std::ops::ControlFlow;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, OnceLock};
-
+use crate::common::{self, Limit, own_gpu, poison, queries as kept, source_of};
 use splitplane_core::build::lockstep::{Lockstep, LockstepError};
 use splitplane_core::build::points::{Reference, build as run_schedule, large_levels};
 use splitplane_core::error::DeviceError;
@@ -18,17 +14,11 @@ use splitplane_core::layout::PointBuild;
 use splitplane_core::points::build::{self, PointBuildError, PointOptions};
 use splitplane_core::points::nearest::{NearestOptions, Neighbour, nearest};
 use splitplane_core::points::tree::{Axes, PointTree};
-use splitplane_core::watch::{Progress, Watch};
 use splitplane_test_support::clouds::clouds;
 use splitplane_test_support::random::Random;
-use splitplane_wgpu::{Gpu, OpenOptions, Queries, WgpuPointTree};
+use splitplane_wgpu::{Queries, WgpuPointTree};
 
 const AXES: [Axes; 2] = [Axes::Widest, Axes::Cycle];
-
-fn kept() -> Arc<Queries> {
-    static QUERIES: OnceLock<Arc<Queries>> = OnceLock::new();
-    QUERIES.get_or_init(|| Arc::new(Queries::new(common::gpu()))).clone()
-}
 
 fn options(axes: Axes) -> PointOptions<'static> {
     PointOptions { axes, ..PointOptions::default() }
@@ -167,10 +157,6 @@ fn trees_are_those_of_the_serial_builder() {
     }
 }
 
-fn source_of(kernel: K) -> String {
-    splitplane_shaders::find(kernel.name()).expect("a kernel").source()
-}
-
 /// A cloud with few places, some of them not finite.
 fn cloud() -> Vec<[f32; 3]> {
     let mut random = Random::new(21);
@@ -189,7 +175,9 @@ fn cloud() -> Vec<[f32; 3]> {
 fn memory_of_workgroups_may_hold_anything() {
     let cloud = cloud();
     for kernel in K::ALL {
-        let Some(source) = poison::poisoned(&source_of(kernel), poison::WORDS[0]) else { continue };
+        let Some(source) = poison::poisoned(&source_of(kernel.name()), poison::WORDS[0]) else {
+            continue;
+        };
         let queries = Queries::new(common::gpu());
         queries.replace_point_build_kernel(kernel, Some(source));
         assert_eq!(in_step(&queries, &cloud, Axes::Widest).0, None, "{kernel:?}");
@@ -229,7 +217,7 @@ fn planted_faults_are_named() {
     let cloud = cloud();
     let mut unseen = Vec::new();
     for (kernel, from, to) in faults {
-        let source = source_of(kernel);
+        let source = source_of(kernel.name());
         assert!(source.contains(from), "{from}: the text is not there");
         let queries = Queries::new(common::gpu());
         queries.replace_point_build_kernel(kernel, Some(source.replacen(from, to, 1)));
@@ -239,7 +227,7 @@ fn planted_faults_are_named() {
         }
     }
     // The turn of axes.
-    let source = source_of(K::ChooseAxes);
+    let source = source_of(K::ChooseAxes.name());
     let from = "level += select(0u, 1u, middle < blocks);";
     assert!(source.contains(from));
     let queries = Queries::new(common::gpu());
@@ -247,20 +235,6 @@ fn planted_faults_are_named() {
     let found = in_step(&queries, &cloud, Axes::Cycle).0;
     assert!(found.is_some_and(|found| found.contains("ChooseAxes")));
     assert!(unseen.is_empty(), "{unseen:#?}");
-}
-
-/// Ends a build after so many calls.
-#[derive(Debug)]
-struct Limit(AtomicU64);
-
-impl Watch for Limit {
-    fn progress(&self, progress: &Progress) -> ControlFlow<()> {
-        assert!(progress.done <= progress.total, "{progress:?}");
-        match self.0.fetch_sub(1, Ordering::Relaxed) {
-            1 => ControlFlow::Break(()),
-            _ => ControlFlow::Continue(()),
-        }
-    }
 }
 
 #[test]
@@ -295,9 +269,7 @@ fn builds_can_be_cancelled_and_limited() {
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn a_lost_device_is_an_error() {
-    let adapter = std::env::var("SPLITPLANE_ADAPTER").ok();
-    let open = OpenOptions { default_limits: true, adapter, ..OpenOptions::default() };
-    let gpu = Gpu::open(&open).expect("a device");
+    let gpu = own_gpu();
     let raw = gpu.device().clone();
     let queries = Arc::new(Queries::new(Arc::new(gpu)));
     assert!(WgpuPointTree::build(queries.clone(), &cloud(), &options(Axes::Widest)).is_ok());

@@ -1,38 +1,22 @@
 //! Trees of points on a device: the reference's answers bit for bit, on clouds that trees trip over and in 1 to 4 dimensions; faults
 //! planted in each kernel are found; limits, cancellation and a lost device end in the errors meant for them.
 
-mod common;
-#[path = "common/poison.rs"]
-mod poison;
+use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
 
-use std::ops::ControlFlow;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, OnceLock};
-
+use crate::common::{self, Limit, own_gpu, poison, queries as kept, source_of};
 use splitplane_core::error::{DeviceError, QueryError};
 use splitplane_core::kernel::PointQueryKernel as K;
 use splitplane_core::points::build::{PointBuildError, PointOptions, build};
 use splitplane_core::points::lists::NeighbourLists;
 use splitplane_core::points::nearest::{NearestOptions, Neighbour, nearest, within};
 use splitplane_core::points::tree::{Axes, PointTree};
-use splitplane_core::watch::Progress;
 use splitplane_test_support::clouds::{clouds, queries};
 use splitplane_test_support::random::Random;
-use splitplane_wgpu::{Gpu, OpenOptions, Queries, WgpuPointTree};
+use splitplane_wgpu::{Queries, WgpuPointTree};
 
 /// One, a few in the memory of a workgroup, and more.
 const KS: [usize; 4] = [1, 2, 16, 21];
-
-fn kept() -> Arc<Queries> {
-    static QUERIES: OnceLock<Arc<Queries>> = OnceLock::new();
-    QUERIES.get_or_init(|| Arc::new(Queries::new(common::gpu()))).clone()
-}
-
-fn own_gpu() -> Gpu {
-    let adapter = std::env::var("SPLITPLANE_ADAPTER").ok();
-    let open = OpenOptions { default_limits: true, adapter, ..OpenOptions::default() };
-    Gpu::open(&open).expect("the device tests need a GPU or a software Vulkan")
-}
 
 fn tree<const N: usize>(points: &[[f32; N]], axes: Axes) -> PointTree<N> {
     build(points, &PointOptions { axes, ..PointOptions::default() }).expect("a tree")
@@ -143,10 +127,6 @@ fn uniform(count: usize, seed: u64) -> Vec<[f32; 3]> {
     (0..count).map(|_| random.point(1.0)).collect()
 }
 
-fn source_of(kernel: K) -> String {
-    splitplane_shaders::find(kernel.name()).expect("a kernel").source()
-}
-
 /// Whatever the memory of workgroups holds at first.
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
@@ -156,7 +136,8 @@ fn memory_of_workgroups_may_hold_anything() {
     let near = NearestOptions { max_distance: 0.4, ..options(1) };
     for (kernel, k) in [(K::NearestPoint, 1), (K::NearestPoints, 9), (K::NearestPointsMany, 30)] {
         for word in poison::WORDS {
-            let source = poison::poisoned(&source_of(kernel), word).expect("memory of workgroups");
+            let source =
+                poison::poisoned(&source_of(kernel.name()), word).expect("memory of workgroups");
             let own = Queries::new(common::gpu());
             own.replace_point_kernel(kernel, Some(source));
             let device =
@@ -164,7 +145,8 @@ fn memory_of_workgroups_may_hold_anything() {
             assert_eq!(differs(&device, &queries, &options(k)), None, "{kernel:?}");
         }
     }
-    let source = poison::poisoned(&source_of(K::ListWithin), 1).expect("memory of workgroups");
+    let source =
+        poison::poisoned(&source_of(K::ListWithin.name()), 1).expect("memory of workgroups");
     let own = Queries::new(common::gpu());
     own.replace_point_kernel(K::ListWithin, Some(source));
     let device = WgpuPointTree::of(Arc::new(own), tree(&points, Axes::Widest), None).unwrap();
@@ -225,7 +207,7 @@ fn planted_faults_are_found() {
     let near = NearestOptions { max_distance: 0.5, filter: Some(&odd), ..options(1) };
     let mut unseen = Vec::new();
     for (kernel, from, to) in faults {
-        let source = source_of(kernel);
+        let source = source_of(kernel.name());
         assert!(source.contains(from), "{from}: the text is not there");
         let own = Queries::new(common::gpu());
         own.replace_point_kernel(kernel, Some(source.replacen(from, to, 1)));
@@ -299,25 +281,6 @@ fn the_host_answers_what_the_device_cannot() {
     let lists =
         device.within_each(&[[0.0; 3]], &NearestOptions { max_distance: 2.0, ..options(1) });
     assert_eq!(lists.expect("answers").of(0).len(), 60_000);
-}
-
-/// Ends a batch after so many calls.
-struct Limit(AtomicU64);
-
-impl splitplane_core::watch::Watch for Limit {
-    fn progress(&self, progress: &Progress) -> ControlFlow<()> {
-        assert!(progress.done <= progress.total, "{progress:?}");
-        match self.0.fetch_sub(1, Ordering::Relaxed) {
-            1 => ControlFlow::Break(()),
-            _ => ControlFlow::Continue(()),
-        }
-    }
-}
-
-impl std::fmt::Debug for Limit {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Limit")
-    }
 }
 
 #[test]

@@ -1,13 +1,10 @@
 //! Rays that keep their stacks in the memory of the workgroup, as adapters of some vendors are given them: the same answers,
 //! bit for bit.
 
-mod common;
-#[path = "common/poison.rs"]
-mod poison;
-
 use std::borrow::Cow;
 use std::sync::{Arc, OnceLock};
 
+use crate::common::{self, along_x, poison, trusted};
 use splitplane_core::backend::scene::SceneAccelerator;
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::kernel::QueryKernel;
@@ -21,7 +18,7 @@ use splitplane_shaders::{QUERIES, RENDER, RENDER_COMPRESSED, join, with_workgrou
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::objects;
 use splitplane_test_support::scenes::{self, Scene};
-use splitplane_wgpu::{Gpu, Parity, Queries, RayStack, WgpuAccelerator, WgpuBackend};
+use splitplane_wgpu::{Gpu, Queries, RayStack, WgpuAccelerator, WgpuBackend};
 
 fn gpu() -> Gpu {
     Gpu::clone(&common::gpu()).with_ray_stack(RayStack::Workgroup)
@@ -29,13 +26,7 @@ fn gpu() -> Gpu {
 
 fn queries() -> Arc<Queries> {
     static QUERIES: OnceLock<Arc<Queries>> = OnceLock::new();
-    QUERIES.get_or_init(new_queries).clone()
-}
-
-fn new_queries() -> Arc<Queries> {
-    let queries = Queries::new(Arc::new(gpu()));
-    queries.set_parity(&Parity::Bitwise);
-    Arc::new(queries)
+    QUERIES.get_or_init(|| trusted(Arc::new(gpu()))).clone()
 }
 
 /// A tree on the CPU and on the device.
@@ -93,13 +84,6 @@ fn rays(scene: &Scene, case: &Case, each: usize, seed: u64) -> Vec<Ray> {
     let (view, mut aim) = (case.cpu.tree().view(), aim::Aim::new(&mesh, seed + 2));
     rays.extend((0..each).map(|_| aim.in_split_plane(&view)));
     rays
-}
-
-/// Rays that meet all the octaves of [`scenes::octaves`], deeper than any short stack.
-fn along_x(count: u32) -> Vec<Ray> {
-    let slope = |i: u32| (i as f32 * 0.618_034).fract() * 0.5 - 0.25;
-    let start = |i: u32| [0.5 * (1 << (i % 20)) as f32, 0.0, 0.0];
-    (0..count).map(|i| Ray::new(start(i), [1.0, slope(i), slope(7 * i + 3)])).collect()
 }
 
 fn small_scenes() -> Vec<Scene> {
@@ -229,7 +213,7 @@ fn lean_kernels_have_their_stack_in_the_memory_of_the_workgroup() {
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn planted_faults_are_seen() {
-    let queries = new_queries();
+    let queries = trusted(Arc::new(gpu()));
     let scene = scenes::octaves();
     let case = Case::new(&scene, queries.clone());
     let mut all = along_x(500);

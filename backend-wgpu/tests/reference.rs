@@ -1,7 +1,6 @@
 //! The GPU held to the reference builder of the core: equal live buffers after every dispatch.
 
-mod common;
-
+use crate::common;
 use splitplane_core::build::lockstep::{Difference, Inspect, Lockstep, LockstepError};
 use splitplane_core::build::reference::kernels::is_of_middle_stage;
 use splitplane_core::build::reference::{Budget, ReferenceExecutor};

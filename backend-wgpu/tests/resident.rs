@@ -2,12 +2,7 @@
 //! happens where the device has no room. `SPLITPLANE_LONG=1` casts 1,080,000 rays in place of 7,200, through ten scenes of each
 //! kind, each of them with four settings.
 
-#[path = "common/hostile.rs"]
-mod hostile;
-#[path = "common/odd_rays.rs"]
-mod odd_rays;
-
-use odd_rays::odd;
+use crate::common::{hostile, odd_rays::odd, own_gpu};
 use splitplane_core::backend::scene::packed::PackedInstance;
 use splitplane_core::backend::scene::{SceneAccelerator, TopUpdate};
 use splitplane_core::backend::{Backend, BuildOptions};
@@ -23,16 +18,10 @@ use splitplane_cpu::CpuBackend;
 use splitplane_shaders::TriangleTest;
 use splitplane_test_support::objects::{self, Kind};
 use splitplane_test_support::random::Random;
-use splitplane_wgpu::{Gpu, OpenOptions, WgpuBackend};
-
-fn open() -> Gpu {
-    let adapter = std::env::var("SPLITPLANE_ADAPTER").ok();
-    let open = OpenOptions { default_limits: true, adapter, ..Default::default() };
-    Gpu::open(&open).expect("the device tests need a GPU or a software Vulkan")
-}
+use splitplane_wgpu::WgpuBackend;
 
 fn device() -> WgpuBackend {
-    WgpuBackend::new(open()).expect("a backend")
+    WgpuBackend::new(own_gpu()).expect("a backend")
 }
 
 type Answers = Vec<([u32; 6], bool)>;
@@ -499,7 +488,7 @@ fn all_that_is_entered_is_counted() {
 
 /// A scene on a device with a changed kernel. The CPU builds the geometries, so that no kernel of the builder is compiled.
 fn built_on(kernel: QueryKernel, source: String) -> impl Fn(&Scene) -> Box<dyn SceneAccelerator> {
-    let backend = WgpuBackend::with_replaced_query(open(), kernel, source);
+    let backend = WgpuBackend::with_replaced_query(own_gpu(), kernel, source);
     move |scene| {
         let (cpu, build) = (CpuBackend::new(), BuildOptions::default());
         let mut built = backend.build_scene(&Scene::new(), &build).expect("a scene");

@@ -1,7 +1,6 @@
 //! Updates of scenes on a device within a limit of memory: room to spare is given up before the scene leaves the device.
 
-mod common;
-
+use crate::common;
 use splitplane_core::backend::scene::SceneAccelerator;
 use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::mesh::Mesh;

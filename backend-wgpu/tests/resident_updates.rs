@@ -5,6 +5,7 @@ use core::ops::ControlFlow;
 use core::sync::atomic::AtomicU64;
 use core::sync::atomic::Ordering::Relaxed;
 
+use crate::common::own_gpu;
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::backend::scene::packed::{PackedInstance, PackedScene, PackedTopNode};
 use splitplane_core::backend::scene::{SceneAccelerator, UpdateReport};
@@ -22,14 +23,11 @@ use splitplane_test_support::edits::edit;
 use splitplane_test_support::objects::{self, Kind};
 use splitplane_test_support::random::Random;
 use splitplane_test_support::scenes;
+use splitplane_wgpu::WgpuBackend;
 use splitplane_wgpu::query::WgpuScene;
-use splitplane_wgpu::{Gpu, OpenOptions, WgpuBackend};
 
 fn device() -> WgpuBackend {
-    let adapter = std::env::var("SPLITPLANE_ADAPTER").ok();
-    let open = OpenOptions { default_limits: true, adapter, ..Default::default() };
-    let gpu = Gpu::open(&open).expect("the device tests need a GPU or a software Vulkan");
-    WgpuBackend::without_selftest(gpu)
+    WgpuBackend::without_selftest(own_gpu())
 }
 
 /// A device and a scene whose geometries the CPU builds, which is the quicker way to many updates.

@@ -1,7 +1,6 @@
 //! A limit of memory means the same to updates of scenes that block and to those that do not.
 
-mod common;
-
+use crate::common;
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::backend::scene::{BuiltScene, SceneAccelerator};
 use splitplane_core::error::BuildError;

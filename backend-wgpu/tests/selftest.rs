@@ -1,7 +1,6 @@
 //! The self-test of a device: that it finds what it must, and nothing on a sound device.
 
-mod common;
-
+use crate::common;
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::mesh::Mesh;
 use splitplane_cpu::CpuBackend;

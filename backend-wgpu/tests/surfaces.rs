@@ -1,10 +1,9 @@
 //! Rays along surfaces on the device: its four words are those of the CPU's reference traversal over a tree of one
 //! leaf, which tests all triangles.
 
-mod common;
-
 use std::sync::Arc;
 
+use crate::common;
 use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::config::Preset;
 use splitplane_core::ray::{Hit, QueryOptions};

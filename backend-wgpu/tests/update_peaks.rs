@@ -2,14 +2,15 @@
 
 use std::sync::{Arc, Mutex};
 
+use crate::common::own_gpu;
 use splitplane_core::backend::scene::{BuiltScene, SceneAccelerator};
 use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::scene::{GeometryId, Instance, InstanceId, OpacityMask, Scene, translation};
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::scenes;
+use splitplane_wgpu::WgpuBackend;
 use splitplane_wgpu::query::WgpuScene;
-use splitplane_wgpu::{Gpu, OpenOptions, WgpuBackend};
 
 /// The buffers of scenes, as the allocator names them.
 const BUFFERS: [&str; 6] = [
@@ -32,9 +33,7 @@ struct Device {
 
 impl Device {
     fn new() -> Device {
-        let adapter = std::env::var("SPLITPLANE_ADAPTER").ok();
-        let open = OpenOptions { default_limits: true, adapter, ..Default::default() };
-        let gpu = Gpu::open(&open).expect("the device tests need a GPU or a software Vulkan");
+        let gpu = own_gpu();
         let seen = Arc::<Mutex<Vec<u64>>>::default();
         let (device, list) = (gpu.device().clone(), Arc::clone(&seen));
         gpu.observe_buffers(move || list.lock().expect("a list").push(of_scenes(&device)));

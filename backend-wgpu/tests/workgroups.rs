@@ -1,7 +1,6 @@
 //! Builds with a limit on workgroups: what `WgpuBackend::limit_workgroups` promises.
 
-mod common;
-
+use crate::common;
 use splitplane_core::backend::BuildOptions;
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::scenes;

@@ -1,5 +1,6 @@
 //! The program from outside: exit codes, reports, files.
 
+use crate::common::{self, folder, text};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -7,13 +8,10 @@ use std::process::{Command, Output, Stdio};
 use tempfile::TempDir;
 
 fn program(folder: &Path, arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_splitplane"));
+    let mut command = common::program(folder);
     // Bytes of layouts depend on the width of vectors: the one that every processor has.
     command.env("SPLITPLANE_ISA", "portable");
-    command.current_dir(folder).args(arguments).env_remove("RUST_BACKTRACE");
-    // What the machine has must not matter: no adapter is found.
-    command.env("WGPU_BACKEND", "vulkan").env_remove("WGPU_ADAPTER_NAME");
-    command.env("VK_DRIVER_FILES", "/nonexistent").env("VK_ICD_FILENAMES", "/nonexistent");
+    command.args(arguments);
     command
 }
 
@@ -26,10 +24,6 @@ fn program_with_adapter(folder: &Path, arguments: &[&str]) -> Command {
 
 fn run(folder: &TempDir, arguments: &[&str]) -> Output {
     program(folder.path(), arguments).output().unwrap()
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8(bytes.to_vec()).unwrap()
 }
 
 /// Runs, expects success, and gives standard output.
@@ -91,10 +85,6 @@ const BUILD_FIELDS: [&str; 18] = [
     "bytes",
     "digest",
 ];
-
-fn folder() -> TempDir {
-    tempfile::tempdir().unwrap()
-}
 
 /// Two triangles in the plane z = 0 that make a unit square, one with two equal corners, one with a
 /// NaN.

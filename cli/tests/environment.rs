@@ -1,34 +1,14 @@
 //! Environment maps from outside: files that light scenes, options, scene files, and what is refused.
 
+use crate::common::{ends, fail};
 use std::fs;
-use std::process::{Command, Output};
 use tempfile::TempDir;
-
-fn run(folder: &TempDir, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_splitplane"));
-    command.current_dir(folder.path()).args(arguments).env_remove("RUST_BACKTRACE");
-    // What the machine has must not matter: no adapter is found.
-    command.env("WGPU_BACKEND", "vulkan").env_remove("WGPU_ADAPTER_NAME");
-    command.env("VK_DRIVER_FILES", "/nonexistent").env("VK_ICD_FILENAMES", "/nonexistent");
-    command.output().unwrap()
-}
 
 /// What is printed, and what is said beside it.
 #[track_caller]
 fn succeed(folder: &TempDir, arguments: &[&str]) -> String {
-    let output = run(folder, arguments);
-    let error = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {error}");
-    String::from_utf8(output.stdout).unwrap() + &error
-}
-
-#[track_caller]
-fn fail(folder: &TempDir, code: i32, arguments: &[&str]) -> String {
-    let output = run(folder, arguments);
-    let error = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {error}");
-    assert!(!error.contains("panicked"), "{error}");
-    error
+    let (out, error) = ends(folder, 0, arguments);
+    out + &error
 }
 
 /// A Radiance picture without compression: grey by the part of a texel's exponent.

@@ -1,29 +1,9 @@
 //! Meshes in PLY, STL and glTF files in the program: read by every verb, written by `convert`, refused by their place.
 
+use crate::common::ends;
 use serde_json::Value;
 use std::fs;
-use std::path::Path;
-use std::process::{Command, Output};
 use tempfile::TempDir;
-
-fn run(folder: &Path, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_splitplane"));
-    command.current_dir(folder).args(arguments).env_remove("RUST_BACKTRACE");
-    // What the machine has must not matter: no adapter is found.
-    command.env("WGPU_BACKEND", "vulkan").env_remove("WGPU_ADAPTER_NAME");
-    command.env("VK_DRIVER_FILES", "/nonexistent").env("VK_ICD_FILENAMES", "/nonexistent");
-    command.output().unwrap()
-}
-
-#[track_caller]
-fn ends(folder: &TempDir, code: i32, arguments: &[&str]) -> (String, String) {
-    let output = run(folder.path(), arguments);
-    let text = |bytes| String::from_utf8(bytes).unwrap();
-    let (out, error) = (text(output.stdout), text(output.stderr));
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {error}");
-    assert!(!error.contains("panicked"), "{error}");
-    (out, error)
-}
 
 /// The digest of the tree over all of a scene as one mesh.
 fn digest(folder: &TempDir, scene: &str) -> String {

@@ -1,20 +1,16 @@
 //! The verb `paper` from outside: files, tables, figures, exit codes.
 
+use crate::common::{files, folder, program};
 use serde_json::Value;
 use std::collections::HashMap;
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 use std::sync::OnceLock;
 use tempfile::TempDir;
 
 fn run(folder: &Path, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_splitplane"));
-    command.current_dir(folder).arg("paper").args(arguments).env_remove("RUST_BACKTRACE");
-    // What the machine has must not matter: no adapter is found.
-    command.env("WGPU_BACKEND", "vulkan").env_remove("WGPU_ADAPTER_NAME");
-    command.env("VK_DRIVER_FILES", "/nonexistent").env("VK_ICD_FILENAMES", "/nonexistent");
-    command.output().unwrap()
+    program(folder).arg("paper").args(arguments).output().unwrap()
 }
 
 #[track_caller]
@@ -34,17 +30,6 @@ fn fail(folder: &Path, code: i32, arguments: &[&str]) -> String {
     assert!(!error.contains("panicked"), "{error}");
     assert!(output.stdout.is_empty());
     error
-}
-
-fn folder() -> TempDir {
-    tempfile::tempdir().unwrap()
-}
-
-fn files(folder: &Path) -> Vec<String> {
-    let names = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name());
-    let mut names: Vec<String> = names.map(|name| name.into_string().unwrap()).collect();
-    names.sort();
-    names
 }
 
 const QUICK: [&str; 3] = ["--quick", "--repeat", "3"];

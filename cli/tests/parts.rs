@@ -1,33 +1,9 @@
 //! Pictures that are rendered in parts and merged, from outside: the bytes of one `render`, and what is refused.
 
+use crate::common::{fail, run, succeed};
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
 use tempfile::TempDir;
-
-fn run(folder: &TempDir, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_splitplane"));
-    command.current_dir(folder.path()).args(arguments).env_remove("RUST_BACKTRACE");
-    command.output().unwrap()
-}
-
-#[track_caller]
-fn succeed(folder: &TempDir, arguments: &[&str]) -> String {
-    let output = run(folder, arguments);
-    let error = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {error}");
-    String::from_utf8(output.stdout).unwrap()
-}
-
-/// Expects this exit code and gives what it says.
-#[track_caller]
-fn fail(folder: &TempDir, code: i32, arguments: &[&str]) -> String {
-    let output = run(folder, arguments);
-    let error = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {error}");
-    assert!(!error.contains("panicked"), "{error}");
-    error
-}
 
 const CPU: [&str; 6] = ["--backend", "cpu", "--quiet", "--size", "33x21", "--seed=3"];
 
@@ -177,7 +153,7 @@ fn parts_that_make_no_picture_are_refused() {
     }
     let png = ["render", "builtin:spheres", "--part", "1/2", "-o", "a.png"];
     assert!(fail(&folder, 2, &png).contains("does not end in .picpart"));
-    let output = run(&folder, &["render", "builtin:spheres", "-o", "a.picpart"]);
+    let output = run(folder.path(), &["render", "builtin:spheres", "-o", "a.picpart"]);
     assert_eq!(output.status.code(), Some(2));
 }
 

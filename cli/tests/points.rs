@@ -1,17 +1,14 @@
 //! The verbs `points` and `distances` from outside: files, reports, exit codes.
 
+use crate::common::program;
 use serde_json::Value;
 use std::fs;
 use std::process::{Command, Output};
 use tempfile::TempDir;
 
 fn run(folder: &TempDir, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_splitplane"));
-    command.env("SPLITPLANE_ISA", "portable").env_remove("RUST_BACKTRACE");
-    // What the machine has must not matter: no adapter is found.
-    command.env("WGPU_BACKEND", "vulkan").env_remove("WGPU_ADAPTER_NAME");
-    command.env("VK_DRIVER_FILES", "/nonexistent").env("VK_ICD_FILENAMES", "/nonexistent");
-    command.current_dir(folder.path()).args(arguments).output().unwrap()
+    let mut command = program(folder.path());
+    command.env("SPLITPLANE_ISA", "portable").args(arguments).output().unwrap()
 }
 
 fn succeed(folder: &TempDir, arguments: &[&str]) -> [String; 2] {

@@ -1,9 +1,9 @@
 //! Scenes of many objects in the program: files, built-in ones, and verbs that take a single mesh.
 
+use crate::common::ends;
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
 use tempfile::TempDir;
 
 const SCENE: &str = r#"{
@@ -32,25 +32,6 @@ fn folder() -> TempDir {
     fs::write(folder.path().join("scene.json"), SCENE).unwrap();
     fs::write(folder.path().join("part.obj"), PART).unwrap();
     folder
-}
-
-fn run(folder: &Path, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_splitplane"));
-    command.current_dir(folder).args(arguments).env_remove("RUST_BACKTRACE");
-    // What the machine has must not matter: no adapter is found.
-    command.env("WGPU_BACKEND", "vulkan").env_remove("WGPU_ADAPTER_NAME");
-    command.env("VK_DRIVER_FILES", "/nonexistent").env("VK_ICD_FILENAMES", "/nonexistent");
-    command.output().unwrap()
-}
-
-#[track_caller]
-fn ends(folder: &TempDir, code: i32, arguments: &[&str]) -> (String, String) {
-    let output = run(folder.path(), arguments);
-    let text = |bytes| String::from_utf8(bytes).unwrap();
-    let (out, error) = (text(output.stdout), text(output.stderr));
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {error}");
-    assert!(!error.contains("panicked"), "{error}");
-    (out, error)
 }
 
 const SMALL: [&str; 4] = ["--size", "32x20", "--samples", "1"];

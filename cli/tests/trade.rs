@@ -1,5 +1,6 @@
 //! The verb `trade` from outside: files, figures, conclusions, comparisons, exit codes.
 
+use crate::common;
 use serde_json::Value;
 use splitplane_measure::trade::bvh::Verdict;
 use splitplane_measure::trade::document::conclude;
@@ -16,11 +17,8 @@ use std::sync::OnceLock;
 use tempfile::TempDir;
 
 fn program(folder: &Path, arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_splitplane"));
-    command.current_dir(folder).arg("trade").args(arguments).env_remove("RUST_BACKTRACE");
-    // What the machine has must not matter: no adapter is found.
-    command.env("WGPU_BACKEND", "vulkan").env_remove("WGPU_ADAPTER_NAME");
-    command.env("VK_DRIVER_FILES", "/nonexistent").env("VK_ICD_FILENAMES", "/nonexistent");
+    let mut command = common::program(folder);
+    command.arg("trade").args(arguments);
     command
 }
 

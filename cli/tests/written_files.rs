@@ -2,6 +2,7 @@
 
 #![cfg(unix)]
 
+use crate::common::{self, text};
 use splitplane_test_support as _;
 use std::ffi::OsStr;
 use std::fs;
@@ -27,19 +28,11 @@ fn square() -> TempDir {
 }
 
 fn program(folder: &TempDir) -> Command {
-    let mut command = Command::new(PROGRAM);
-    command.current_dir(folder.path()).env_remove("RUST_BACKTRACE");
-    command.env("WGPU_BACKEND", "vulkan").env("VK_DRIVER_FILES", "/nonexistent");
-    command.env("VK_ICD_FILENAMES", "/nonexistent");
-    command
+    common::program(folder.path())
 }
 
 fn run(folder: &TempDir, arguments: &[&str]) -> Output {
     program(folder).args(arguments).args(["--backend", "cpu"]).output().unwrap()
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8(bytes.to_vec()).unwrap()
 }
 
 fn succeed(folder: &TempDir, arguments: &[&str]) {

@@ -1,8 +1,6 @@
 //! Textures, smooth normals, plans.
 
-mod common;
-
-use common::{World, along_z, dark, near, shoot};
+use crate::common::{World, along_z, dark, near, shoot};
 use splitplane_core::mesh::Mesh;
 use splitplane_render::{
     Appearance, Environment, Light, Material, Outputs, Plan, PlanError, RenderSettings, Room,

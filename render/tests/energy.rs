@@ -1,8 +1,6 @@
 //! Light that comes and goes: furnaces, closed forms, mirrors of mirrors.
 
-mod common;
-
-use common::{World, along_z, dark, downwards, near, shoot};
+use crate::common::{World, along_z, dark, downwards, near, shoot};
 use splitplane_render::{Environment, Light, Material, RenderSettings, Size};
 use std::f64::consts::PI;
 

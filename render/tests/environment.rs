@@ -1,8 +1,6 @@
 //! Light of environment maps: furnaces, a small sun against closed forms, what is seen of a map, and by which light.
 
-mod common;
-
-use common::{World, along_z, ball, dark, downwards, mean, near, shoot};
+use crate::common::{World, along_z, ball, dark, downwards, mean, near, shoot};
 use splitplane_render::{EnvironmentMap, Gather, LightTransport, Material, RenderSettings, Size};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;

@@ -1,8 +1,6 @@
 //! Refraction against closed forms.
 
-mod common;
-
-use common::{World, along_z, dark, near, shoot};
+use crate::common::{self, World, along_z, dark, near, shoot};
 use splitplane_render::{Material, RenderSettings, Size};
 
 fn settings() -> RenderSettings {

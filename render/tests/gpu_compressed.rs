@@ -1,9 +1,8 @@
 //! Frames through compressed nodes: the CPU's bytes after every dispatch, and faults in what is theirs alone are seen.
 
-mod device;
-
-use device::scenes::{self, Scene};
-use device::{Both, both, gpu};
+use crate::device;
+use crate::device::scenes::{self, Scene};
+use crate::device::{Both, both, gpu};
 use splitplane_core::build::lockstep::{Difference, Lockstep, LockstepError};
 use splitplane_core::ray::{Accuracy, Culling};
 use splitplane_cpu::CpuBackend;

@@ -1,9 +1,8 @@
 //! Exact frames on a device: the CPU's bytes, by way of certain hits on the device and of the CPU for all other rays.
 
-mod device;
-
-use device::scenes::{self, Scene};
-use device::{Both, both, gpu};
+use crate::device;
+use crate::device::scenes::{self, Scene};
+use crate::device::{Both, both, gpu};
 use splitplane_core::build::lockstep::{Difference, Lockstep, LockstepError};
 use splitplane_core::ray::{Accuracy, Culling};
 use splitplane_render::cpu::{Buffers, CpuExecutor, CpuRenderer};

@@ -1,8 +1,7 @@
 //! Frames of scenes whose triangles one storage binding does not hold, on a device with small limits: the CPU's bytes.
 
-mod device;
-
-use device::scenes::{self, Scene};
+use crate::device;
+use crate::device::scenes::{self, Scene};
 use splitplane_core::ray::Accuracy;
 use splitplane_cpu::CpuBackend;
 use splitplane_render::cpu::CpuRenderer;

@@ -1,11 +1,9 @@
 //! Frames that the CPU shades while a device traces: light by paths and photons, passes, environment maps, many objects. They are the
 //! CPU's, bit for bit; and whatever the device gets wrong is seen in them.
 
-mod common;
-mod device;
-
-use common::{ALL, World, along_z, cornell, cornell_camera, everything};
-use device::gpu;
+use crate::common::{ALL, World, along_z, cornell, cornell_camera, everything};
+use crate::device;
+use crate::device::own_gpu;
 use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::error::{DeviceError, QueryError};
 use splitplane_core::kernel::{PointQueryKernel, QueryKernel};
@@ -26,11 +24,17 @@ use splitplane_render::{
     RenderSettings, Room, Size,
 };
 use splitplane_shaders::TriangleTest;
-use splitplane_wgpu::{Gpu, OpenOptions, Parity, Queries, WgpuBackend};
+use splitplane_wgpu::{Gpu, Parity, Queries, WgpuBackend};
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use wgpu::BufferUsages as Usage;
+
+/// A device of this file's: what crosses is counted for all of a device.
+fn gpu() -> Arc<Gpu> {
+    static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
+    GPU.get_or_init(|| Arc::new(own_gpu())).clone()
+}
 
 /// A tracer on each side, with the same scene.
 struct Both {
@@ -241,7 +245,7 @@ fn objects_are_lit_by_photons_from_the_device() {
     let look = InstancedLook { mesh, appearance: world.appearance(), geometries };
     let build = BuildOptions::default();
     let mut cpu = InstanceTracer::load(CpuBackend::new(), &scene, &look, &build).unwrap();
-    let backend = WgpuBackend::without_selftest(Gpu::clone(&gpu()));
+    let backend = WgpuBackend::without_selftest(Gpu::clone(&device::gpu()));
     let queries = Arc::clone(backend.queries());
     queries.set_parity(&Parity::Bitwise);
     let mut gpu = InstanceTracer::load(backend, &scene, &look, &build).unwrap();
@@ -447,9 +451,7 @@ fn a_lost_device_is_told() {
     let world = cornell();
     let mesh = Mesh::soup(&world.triangles).unwrap();
     let build = BuildOptions::default();
-    let adapter = std::env::var("SPLITPLANE_ADAPTER").ok();
-    let options = OpenOptions { default_limits: true, adapter, ..Default::default() };
-    let backend = WgpuBackend::without_selftest(Gpu::open(&options).unwrap());
+    let backend = WgpuBackend::without_selftest(own_gpu());
     let device = backend.gpu().device().clone();
     // Trees come from the CPU, so that no kernel of the builder is compiled.
     let tree = CpuBackend::new().build_accelerator(&mesh, &build).unwrap();

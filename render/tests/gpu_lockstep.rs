@@ -1,12 +1,12 @@
 //! CPU and GPU executors side by side over whole frames: equal live buffers after every dispatch, with
 //! WebGPU's default limits requested.
 
-mod device;
 #[path = "../../backend-wgpu/tests/common/poison.rs"]
 mod poison;
 
-use device::scenes::{self, Scene};
-use device::{Both, both};
+use crate::device;
+use crate::device::scenes::{self, Scene};
+use crate::device::{Both, both};
 use splitplane_core::build::lockstep::{Difference, Lockstep, LockstepError};
 use splitplane_core::ray::Culling;
 use splitplane_render::cpu::{Buffers, CpuExecutor};

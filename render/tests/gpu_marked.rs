@@ -10,7 +10,15 @@ const NO_GPU: &str = "#[cfg_attr(no_gpu, ignore = \
 fn tests_that_need_a_device_are_marked() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests");
     let mut tests = 0;
-    for name in ["gpu_light.rs", "gpu_lockstep.rs", "gpu_pictures.rs"] {
+    for name in [
+        "gpu_compressed.rs",
+        "gpu_exact.rs",
+        "gpu_halves.rs",
+        "gpu_light.rs",
+        "gpu_lockstep.rs",
+        "gpu_pictures.rs",
+        "gpu_ray_stacks.rs",
+    ] {
         let text = std::fs::read_to_string(folder.join(name)).expect("a file of tests");
         let mut lines = text.lines();
         while lines.by_ref().any(|line| line == "#[test]") {

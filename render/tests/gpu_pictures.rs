@@ -1,10 +1,9 @@
 //! Pictures of the GPU are those of the CPU, bit for bit, by the way that callers take: one submission,
 //! read back on request.
 
-mod device;
-
-use device::scenes::{self, Scene};
-use device::{Both, both, gpu};
+use crate::device;
+use crate::device::scenes::{self, Scene};
+use crate::device::{Both, both, gpu};
 use splitplane_core::ray::Accuracy;
 use splitplane_render::cpu::CpuRenderer;
 use splitplane_render::kernel::Kernel;

@@ -1,10 +1,8 @@
 //! Frames whose rays keep their stacks in the memory of the workgroup: the CPU's bytes.
 
-mod device;
-
 use std::sync::Arc;
 
-use device::{both, gpu, scenes};
+use crate::device::{both, gpu, scenes};
 use splitplane_core::ray::Accuracy;
 use splitplane_render::cpu::CpuRenderer;
 use splitplane_render::wgpu::WgpuRenderer;

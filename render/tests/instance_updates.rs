@@ -1,8 +1,6 @@
 //! What an update writes of the instances that frames read: no more rows than changed, and the bits of a scene loaded anew.
 
-mod common;
-
-use common::{ALL, World, along_z};
+use crate::common::{ALL, World, along_z};
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::scene::shape::{Shapes, Sphere};

@@ -1,8 +1,6 @@
 //! Pictures of instances against pictures of one mesh in which everything stands where it is.
 
-mod common;
-
-use common::{ALL, Point, World, along_z, cornell, cornell_camera, shoot};
+use crate::common::{self, ALL, Point, World, along_z, cornell, cornell_camera, shoot};
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::scene::{IDENTITY, Instance, Scene, Transform, translation};

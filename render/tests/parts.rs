@@ -1,8 +1,6 @@
 //! The parts of a picture are the picture, however many there are.
 
-mod common;
-
-use common::{World, ball, cornell, cornell_camera, shoot, try_shoot};
+use crate::common::{World, ball, cornell, cornell_camera, shoot, try_shoot};
 use splitplane_render::{
     Environment, Gather, Light, LightTransport, Material, Part, RenderSettings, Room, Size,
 };

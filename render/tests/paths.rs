@@ -1,11 +1,9 @@
 //! Path tracing: closed forms of light that goes from surface to surface, and the same picture always.
 
-mod common;
-
-use common::{
-    Point, World, along_z, ball, cornell, cornell_camera, dark, downwards, mean, near, shoot,
+use crate::common::{
+    Point, World, along_z, ball, cornell, cornell_camera, dark, digest, downwards, mean, near,
+    shoot,
 };
-use splitplane_core::tree::digest::Xxh64;
 use splitplane_render::{
     Environment, Light, LightTransport, MAX_BOUNCES, Material, Outputs, RenderSettings, Size,
 };
@@ -176,15 +174,6 @@ fn a_square_over_a_floor_and_its_mirror_image() {
     // By chance alone.
     let blind = RenderSettings { depth: 1, area_samples: 0, passes: 64, ..settings() };
     near(mean(&shoot(&world, camera, size, &blind))[0] as f32, wanted, 0.01);
-}
-
-/// XXH64 of the radiance.
-fn digest(radiance: &[[f32; 4]]) -> u64 {
-    let mut hash = Xxh64::new(0);
-    for pixel in radiance {
-        hash.write_words(&pixel.map(f32::to_bits));
-    }
-    hash.finish()
 }
 
 #[test]

@@ -1,17 +1,14 @@
 //! Photon mapping: closed forms, the pictures of path tracing, energy, limits, and the same picture always.
 
-mod common;
-
-use common::{
-    ALL, Point, Shot, World, along_z, ball, cornell, cornell_camera, dark, downwards, everything,
-    mean, near, shoot, try_shoot,
+use crate::common::{
+    ALL, Point, Shot, World, along_z, ball, cornell, cornell_camera, dark, digest, downwards,
+    everything, mean, near, shoot, try_shoot,
 };
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::error::QueryError;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::points::build::PointBuildError;
 use splitplane_core::ray::QueryOptions;
-use splitplane_core::tree::digest::Xxh64;
 use splitplane_core::watch::{Progress, Stage, Watch};
 use splitplane_cpu::CpuBackend;
 use splitplane_render::cpu::CpuRenderer;
@@ -293,15 +290,6 @@ fn the_energy_of_photons_is_conserved() {
         near(emitted as f32, 2.0 * PI * radiance, 1e-5);
         near(kept.energy.absorbed[channel] as f32, kept.energy.emitted[channel], 1e-6);
     }
-}
-
-/// XXH64 of the radiance.
-fn digest(radiance: &[[f32; 4]]) -> u64 {
-    let mut hash = Xxh64::new(0);
-    for pixel in radiance {
-        hash.write_words(&pixel.map(f32::to_bits));
-    }
-    hash.finish()
 }
 
 #[test]

@@ -1,8 +1,6 @@
 //! Rough mirrors and rough glass in a furnace: no energy is made, and what is lost is what an integral in `f64` says.
 
-mod common;
-
-use common::{World, along_z, dark, mean, near, shoot};
+use crate::common::{World, along_z, dark, mean, near, shoot};
 use splitplane_render::{Environment, LightTransport, Material, Pinhole, RenderSettings, Size};
 use std::f64::consts::{PI, TAU};
 

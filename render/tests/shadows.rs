@@ -1,8 +1,6 @@
 //! Shadows where geometry says they are.
 
-mod common;
-
-use common::{World, dark, downwards, near, shoot};
+use crate::common::{World, dark, downwards, near, shoot};
 use splitplane_render::{Light, Material, RenderSettings, Size};
 
 /// A square between a lamp and the floor: its shadow is the square seen from the lamp. The camera is

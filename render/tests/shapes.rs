@@ -1,8 +1,6 @@
 //! Pictures of spheres and capsules: true normals, no shadow of their own, and clear bodies.
 
-mod common;
-
-use common::{ALL, along_z};
+use crate::common::{ALL, along_z};
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::scene::shape::{Capsule, Shapes, Sphere};

@@ -1,8 +1,6 @@
 //! Spheres and capsules that shine: closed forms, by every transport.
 
-mod common;
-
-use common::{World, along_z, dark, downwards, near};
+use crate::common::{World, along_z, dark, downwards, near};
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::scene::shape::{Capsule, Shapes, Sphere};

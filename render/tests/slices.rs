@@ -1,8 +1,6 @@
 //! Pictures do not depend on how the work is cut up.
 
-mod common;
-
-use common::{World, along_z, shoot, try_shoot};
+use crate::common::{World, along_z, shoot, try_shoot};
 use splitplane_render::{Light, Material, RenderError, RenderSettings, Room, Size};
 
 fn world() -> World {

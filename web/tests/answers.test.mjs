@@ -7,7 +7,7 @@ import { test } from "node:test";
 import * as api from "../js/node.js";
 import { all, difference, pictures } from "./answers.mjs";
 
-const snapshot = (name) => readFile(new URL(`../../tests/snapshots/web__${name}.snap`, import.meta.url), "utf8");
+const snapshot = (name) => readFile(new URL(`../../tests/snapshots/suite__web__${name}.snap`, import.meta.url), "utf8");
 
 await api.init();
 

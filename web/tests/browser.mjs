@@ -18,7 +18,7 @@ const isolated = await serve(true);
 const { missing } = await import("../pkg/threads/splitplane_threads.js");
 const hasThreads = missing === undefined;
 if (!hasThreads) console.log(`NOT TESTED: threads: ${missing}`);
-const snapshot = (name) => readFileSync(path.join(web, "..", "tests", "snapshots", `web__${name}.snap`), "utf8");
+const snapshot = (name) => readFileSync(path.join(web, "..", "tests", "snapshots", `suite__web__${name}.snap`), "utf8");
 
 const browser = await launch(tools);
 const problems = [];

@@ -13,7 +13,7 @@ import { startPool } from "../js/pool.js";
 import { difference, pictures } from "./answers.mjs";
 import { failure, refusals, report } from "./threads-answers.mjs";
 
-const snapshot = (name) => readFile(new URL(`../../tests/snapshots/web__${name}.snap`, import.meta.url), "utf8");
+const snapshot = (name) => readFile(new URL(`../../tests/snapshots/suite__web__${name}.snap`, import.meta.url), "utf8");
 const { missing } = part;
 const isBuilt = missing === undefined;
 const skip = isBuilt ? false : `NOT TESTED: ${missing}`;

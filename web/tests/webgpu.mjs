@@ -10,7 +10,7 @@ import { launch, serve, step, web } from "./chromium.mjs";
 const [tools, shots = path.join(web, "target", "screenshots")] = process.argv.slice(2);
 mkdirSync(shots, { recursive: true });
 const server = await serve();
-const snapshot = (name) => readFileSync(path.join(web, "..", "tests", "snapshots", `web__${name}.snap`), "utf8").split("\n");
+const snapshot = (name) => readFileSync(path.join(web, "..", "tests", "snapshots", `suite__web__${name}.snap`), "utf8").split("\n");
 const SWIFTSHADER = [
     "--enable-unsafe-webgpu", "--enable-features=Vulkan", "--use-webgpu-adapter=swiftshader", "--use-vulkan=swiftshader", "--disable-vulkan-surface",
 ];

@@ -10,7 +10,7 @@ use splitplane_wgpu::DeviceTree;
 fn storage(bytes: usize) -> wgpu::Buffer {
     let usage =
         wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
-    super::common::gpu().buffer("test", bytes as u64, usage).expect("a buffer")
+    super::gpu().buffer("test", bytes as u64, usage).expect("a buffer")
 }
 
 /// What a source was compiled to.
@@ -23,7 +23,7 @@ fn compiled(source: &str, retries: bool, counts: bool) -> Compiled {
     if let Some(known) = ALL.lock().unwrap().get_or_insert_default().get(&key) {
         return known.clone();
     }
-    let gpu = super::common::gpu();
+    let gpu = super::gpu();
     // Stated, since a fault may leave a binding unused.
     let stages = wgpu::ShaderStages::COMPUTE;
     let mut slots = DeviceTree::bind_group_layout_entries(0, stages).to_vec();
@@ -55,7 +55,7 @@ pub(crate) fn answers(
     each: usize,
     room: u32,
 ) -> (Vec<u8>, u32) {
-    let gpu = super::common::gpu();
+    let gpu = super::gpu();
     let (given, results) = (storage(size_of_val(rays)), storage(each * rays.len()));
     // Kernels that count have their lists besides.
     let counts = sources[0].contains("@binding(8)");
@@ -91,6 +91,6 @@ pub(crate) fn answers(
         pass.dispatch_workgroups(workgroups as u32, 1, 1);
     }
     gpu.submit([encoder.finish()]).expect("commands");
-    let count = bytemuck::pod_read_unaligned(&super::common::read(&deferred)[..4]);
-    (super::common::read(&results), count)
+    let count = bytemuck::pod_read_unaligned(&super::read(&deferred)[..4]);
+    (super::read(&results), count)
 }

@@ -1,7 +1,5 @@
 //! Drivers that do what WGSL lets them do and no driver at hand does, modelled by rewriting the arithmetic of a shader.
 
-#![allow(dead_code, reason = "each test uses a part")]
-
 /// A driver: what it does, and the texts of `arithmetic.wgsl` that it replaces.
 pub(crate) struct Driver {
     /// In words.

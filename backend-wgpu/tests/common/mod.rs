@@ -1,27 +1,84 @@
-//! What the device tests share: one device a process, and small kernels run over words.
+//! What the device tests share: one device and what it compiled, and small kernels run over words.
 
-#![allow(dead_code, reason = "each test uses a part")]
+pub(crate) mod by_sources;
+mod device;
+pub(crate) mod hostile;
+pub(crate) mod odd_rays;
+pub(crate) mod poison;
 
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
+use std::time::Duration;
 
-use splitplane_wgpu::{Gpu, OpenOptions};
+use splitplane_core::ray::{Hit, Ray};
+use splitplane_core::watch::{Progress, Watch};
+use splitplane_wgpu::{Gpu, Parity, Queries, WgpuBackend};
 
-/// The device of this process, with WebGPU's default limits. `SPLITPLANE_ADAPTER` names another
-/// adapter than the first.
-///
-/// # Panics
-/// If no device can be opened: a test without a device must not pass.
-pub(crate) fn gpu() -> Arc<Gpu> {
-    static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
-    let open = || {
-        let adapter = std::env::var("SPLITPLANE_ADAPTER").ok();
-        let options = OpenOptions { default_limits: true, adapter, ..Default::default() };
-        match Gpu::open(&options) {
-            Ok(gpu) => Arc::new(gpu),
-            Err(error) => panic!("the device tests need a GPU or a software Vulkan: {error}"),
+pub(crate) use device::{gpu, is_llvmpipe, options, own_gpu};
+
+/// Longer than anything takes by far, beside as many other tests as there are cores; what takes
+/// longer hangs.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(600);
+
+/// Queries of the shared device, which was not tested.
+pub(crate) fn queries() -> Arc<Queries> {
+    static QUERIES: OnceLock<Arc<Queries>> = OnceLock::new();
+    QUERIES.get_or_init(|| Arc::new(Queries::new(gpu()))).clone()
+}
+
+/// Queries of the shared device, as if it was tested.
+pub(crate) fn tested_queries() -> Arc<Queries> {
+    static QUERIES: OnceLock<Arc<Queries>> = OnceLock::new();
+    QUERIES.get_or_init(|| trusted(gpu())).clone()
+}
+
+/// Queries on a device that is as good as tested.
+pub(crate) fn trusted(gpu: Arc<Gpu>) -> Arc<Queries> {
+    let queries = Queries::new(gpu);
+    queries.set_parity(&Parity::Bitwise);
+    Arc::new(queries)
+}
+
+/// A backend of its own on the shared device.
+pub(crate) fn backend() -> WgpuBackend {
+    WgpuBackend::new(Gpu::clone(&gpu())).expect("a backend")
+}
+
+pub(crate) fn untested_backend() -> WgpuBackend {
+    WgpuBackend::without_selftest(Gpu::clone(&gpu()))
+}
+
+/// The text of a kernel.
+pub(crate) fn source_of(name: &str) -> String {
+    splitplane_shaders::find(name).expect("a kernel").source()
+}
+
+/// Bits, so that -0 differs from 0.
+pub(crate) fn bits(hit: &Hit) -> [u32; 4] {
+    [hit.t.to_bits(), hit.triangle, hit.u.to_bits(), hit.v.to_bits()]
+}
+
+/// Rays that run along x, spread a little, from the octaves of `scenes::octaves` on: deeper than
+/// any short stack.
+pub(crate) fn along_x(count: u32) -> Vec<Ray> {
+    let slope = |i: u32| (i as f32 * 0.618_034).fract() * 0.5 - 0.25;
+    let start = |i: u32| [0.5 * (1 << (i % 20)) as f32, 0.0, 0.0];
+    (0..count).map(|i| Ray::new(start(i), [1.0, slope(i), slope(7 * i + 3)])).collect()
+}
+
+/// Ends work after so many calls.
+#[derive(Debug)]
+pub(crate) struct Limit(pub(crate) AtomicU64);
+
+impl Watch for Limit {
+    fn progress(&self, progress: &Progress) -> ControlFlow<()> {
+        assert!(progress.done <= progress.total, "{progress:?}");
+        match self.0.fetch_sub(1, Ordering::Relaxed) {
+            1 => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
         }
-    };
-    GPU.get_or_init(open).clone()
+    }
 }
 
 /// Two other devices on the adapter of [`gpu`], of one instance, as a host has them: with limits of
@@ -42,11 +99,6 @@ pub(crate) fn host_devices(limits: &wgpu::Limits) -> [(wgpu::Device, wgpu::Queue
         ..wgpu::DeviceDescriptor::default()
     };
     [(); 2].map(|()| pollster::block_on(adapter.request_device(&description)).expect("a device"))
-}
-
-/// Whether the device is Mesa's software rasteriser.
-pub(crate) fn is_llvmpipe() -> bool {
-    gpu().info().name.contains("llvmpipe")
 }
 
 /// Runs a shader whose bindings are `input` (0, words), `output` (1, words) and a uniform of zeros

@@ -5,6 +5,7 @@
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::QueryOptions;
+use splitplane_core::tree::digest::Xxh64;
 use splitplane_cpu::CpuBackend;
 use splitplane_render::cpu::CpuRenderer;
 use splitplane_render::{
@@ -244,4 +245,13 @@ pub(crate) fn everything() -> World {
         Light::Directional { towards: [1.0, 2.0, 5.0], irradiance: [1.0, 2.0, 1.0] },
     ];
     world
+}
+
+/// XXH64 of the radiance.
+pub(crate) fn digest(radiance: &[[f32; 4]]) -> u64 {
+    let mut hash = Xxh64::new(0);
+    for pixel in radiance {
+        hash.write_words(&pixel.map(f32::to_bits));
+    }
+    hash.finish()
 }

@@ -1,35 +1,19 @@
 //! What the tests of the ray tracer share: one device a process, and small scenes with every kind of
 //! surface and light.
 
-#![allow(dead_code, reason = "each test uses a part")]
-
 pub(crate) mod scenes;
+#[path = "../../../backend-wgpu/tests/common/device.rs"]
+mod shared;
 
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+pub(crate) use shared::{gpu, own_gpu};
+
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::config::BuildConfig;
 use splitplane_cpu::CpuBackend;
 use splitplane_render::wgpu::WgpuRenderer;
-use splitplane_wgpu::{DeviceTree, Gpu, OpenOptions, Parity, WgpuBackend};
-
-/// The device of this process, with WebGPU's default limits. `SPLITPLANE_ADAPTER` names another
-/// adapter than the first.
-///
-/// # Panics
-/// If no device can be opened: a test without a device must not pass.
-pub(crate) fn gpu() -> Arc<Gpu> {
-    static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
-    let open = || {
-        let adapter = std::env::var("SPLITPLANE_ADAPTER").ok();
-        let options = OpenOptions { default_limits: true, adapter, ..Default::default() };
-        match Gpu::open(&options) {
-            Ok(gpu) => Arc::new(gpu),
-            Err(error) => panic!("the device tests need a GPU or a software Vulkan: {error}"),
-        }
-    };
-    GPU.get_or_init(open).clone()
-}
+use splitplane_wgpu::{DeviceTree, Gpu, Parity, WgpuBackend};
 
 /// Polls a future to its end, as an executor without anything else to do; and how often it gave way.
 pub(crate) fn awaited<F: Future>(future: F) -> (F::Output, u32) {

@@ -34,32 +34,20 @@ use splitplane_shaders::{
     kernel_retry, parts_by_halves, query,
 };
 
+use crate::source::{self, Parsed, Text};
 use constants::Number;
 use sets::Shaders;
-use source::{Parsed, Text};
 
-#[path = "abi/architecture.rs"]
 mod architecture;
-#[path = "abi/bindings.rs"]
 mod bindings;
-#[path = "abi/constants.rs"]
 mod constants;
-#[path = "abi/names.rs"]
 mod names;
-#[path = "abi/planted.rs"]
 mod planted;
-#[path = "abi/planted_sets.rs"]
 mod planted_sets;
 #[macro_use]
-#[path = "abi/records.rs"]
 mod records;
-#[path = "abi/render.rs"]
 mod render;
-#[path = "abi/sets.rs"]
 mod sets;
-#[path = "support/source.rs"]
-mod source;
-
 fn parse(parts: Vec<Text>) -> Parsed {
     Parsed::new(parts).unwrap_or_else(|error| panic!("{error}"))
 }

@@ -38,20 +38,13 @@ use splitplane_shaders::{
     TriangleTest, filtered_scene_traversal, render_parts, scene_traversal,
 };
 
+use crate::source::{self, Parsed, Text, texts};
 use rules::{Finding, Rule};
-use source::{Parsed, Text, texts};
 
-#[path = "lint/barrier.rs"]
 mod barrier;
-#[path = "lint/flow.rs"]
 mod flow;
-#[path = "lint/planted.rs"]
 mod planted;
-#[path = "lint/rules.rs"]
 mod rules;
-#[path = "support/source.rs"]
-mod source;
-#[path = "lint/strict.rs"]
 mod strict;
 
 /// Who may call free operations.

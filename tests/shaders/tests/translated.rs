@@ -17,11 +17,7 @@ use splitplane_shaders::{
     RENDER_COMPRESSED, RENDER_RETRIES, RENDER_SETTLES, Shader,
 };
 
-use source::{Parsed, Text, texts};
-
-#[path = "support/source.rs"]
-#[allow(dead_code, reason = "places are for the lint")]
-mod source;
+use crate::source::{self, Parsed, Text, texts};
 
 fn shaders() -> impl Iterator<Item = &'static Shader> {
     [

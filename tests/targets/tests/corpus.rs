@@ -3,6 +3,7 @@
 //! `tests/corpus/TARGET` holds, for each target, inputs that a fuzzer once broke something with and
 //! some that reach far; their names say which. Whatever is added there is run.
 
+use crate::common::{is_caught, make_pool};
 use splitplane::scene::obj::{ObjError, parse};
 use splitplane_core::backend::scene::{
     BuildGeometry, BuiltScene, SceneAccelerator, SceneClosestPoint, SceneClosestPointOptions,
@@ -40,12 +41,6 @@ fn corpus() -> PathBuf {
 fn chance(seed: u64) -> Vec<u8> {
     let mut random = Random::new(seed);
     (0..random.below(600)).map(|_| random.bits() as u8).collect()
-}
-
-/// Makes the pool that all tests share. Fuzzers' own, which `single_thread` makes where there is none, is the thread of one of them: others would
-/// wait for it for ever.
-fn make_pool() {
-    rayon::current_num_threads();
 }
 
 /// Runs a target and names the input it fails on.
@@ -117,14 +112,10 @@ fn a_failing_target_fails() {
 /// Whether a target fails on one of many inputs of chance.
 fn is_found(inputs: u64, target: impl Fn(&[u8])) -> bool {
     make_pool();
-    let hook = std::panic::take_hook();
-    std::panic::set_hook(Box::new(|_| {}));
-    let found = (0..inputs).any(|seed| {
+    (0..inputs).any(|seed| {
         let bytes = chance(seed);
-        catch_unwind(AssertUnwindSafe(|| target(&bytes))).is_err()
-    });
-    std::panic::set_hook(hook);
-    found
+        is_caught(|| target(&bytes))
+    })
 }
 
 /// Backends with a fault are found out, one without is not.

@@ -2,6 +2,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use crate::common::{is_caught, make_pool};
 use splitplane_core::backend::scene::{
     BuiltScene, FinishError, PendingUpdate, SceneAccelerator, SceneUpdater, UpdateReport,
 };
@@ -21,11 +22,6 @@ use splitplane_test_support::random::Random;
 fn chance(seed: u64) -> Vec<u8> {
     let mut random = Random::new(seed);
     (0..random.below(1000)).map(|_| random.bits() as u8).collect()
-}
-
-/// What a test of threads shares: fuzzers' own pool is the thread of one of them, and others would wait for it for ever.
-fn make_pool() {
-    rayon::current_num_threads();
 }
 
 /// Sequences of edits, many where there is time. They reach trees over instances of several levels, refits of several nodes, trees that
@@ -312,8 +308,9 @@ impl Library for Faulty {
 /// Whether a library is found out by one of many inputs of chance.
 fn is_found(library: &dyn Library, inputs: u64) -> bool {
     (0..inputs).any(|seed| {
-        let run = || scene_operations::run_with(&chance(seed), library);
-        catch_unwind(AssertUnwindSafe(run)).is_err()
+        is_caught(|| {
+            scene_operations::run_with(&chance(seed), library);
+        })
     })
 }
 
@@ -321,8 +318,6 @@ fn is_found(library: &dyn Library, inputs: u64) -> bool {
 #[test]
 fn faulty_calls_are_found() {
     make_pool();
-    let hook = std::panic::take_hook();
-    std::panic::set_hook(Box::new(|_| {}));
     let sound = !is_found(&Faulty::new(Fault::None), 1000);
     let faults = [
         Fault::SharesNothing,
@@ -346,7 +341,6 @@ fn faulty_calls_are_found() {
     ];
     let missed: Vec<Fault> =
         faults.into_iter().filter(|fault| !is_found(&Faulty::new(*fault), 6000)).collect();
-    std::panic::set_hook(hook);
     assert!(sound, "calls without a fault are refused");
     assert!(missed.is_empty(), "not found: {missed:?}");
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use splitplane_core::kernel::{Access, Grid, Kernel, KernelSet, TreeBuilder};
 
-use crate::constants::snake;
+use super::constants::snake;
 
 /// What the line of the table before the first kernel is.
 const HEAD: [&str; 2] = ["| kernel | grid | reads | writes |", "|---|---|---|---|"];

@@ -7,7 +7,7 @@ use naga::{GlobalVariable, Handle};
 use splitplane_core::kernel::{Access, Binding, BufferRow, Grid, KernelSet, Slot};
 use splitplane_shaders::ENTRY_POINT;
 
-use crate::sets::Shaders;
+use super::sets::Shaders;
 use crate::source::Parsed;
 
 /// Storage buffers of a stage.

@@ -2,10 +2,10 @@
 
 use splitplane_core::kernel::{Kernel, TreeBuilder};
 
-use crate::constants::{self, Known};
-use crate::names::{differences, header_faults};
+use super::constants::{self, Known};
+use super::names::{differences, header_faults};
+use super::{parse, records, sets};
 use crate::source::Text;
-use crate::{parse, records, sets};
 
 /// A faultless `node_bounds`, without what it does.
 const KERNEL: &str = "

@@ -5,7 +5,7 @@ use splitplane_core::kernel_set;
 use splitplane_render::RayTracer;
 use splitplane_render::kernel::Kernel as K;
 
-use crate::sets::{self, Shaders, faults, table_faults};
+use super::sets::{self, Shaders, faults, table_faults};
 
 /// Replacing a text in a kernel brings a fault that says this.
 #[track_caller]

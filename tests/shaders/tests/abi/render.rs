@@ -9,8 +9,8 @@ use splitplane_shaders::{
     render_settle,
 };
 
-use crate::constants::{self, Known};
-use crate::records::{Member, Record, kinds_of};
+use super::constants::{self, Known};
+use super::records::{Member, Record, kinds_of};
 use crate::source::Text;
 
 /// The records of the ray tracer.

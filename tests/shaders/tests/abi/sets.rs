@@ -12,10 +12,10 @@ use splitplane_shaders::{
     RENDER_COMPRESSED, RENDER_RETRIES, RENDER_SETTLES, Shader, find, kernel_retry,
 };
 
-use crate::bindings;
-use crate::constants::{self, Known, snake};
-use crate::records::{self, Record};
-use crate::render;
+use super::bindings;
+use super::constants::{self, Known, snake};
+use super::records::{self, Record};
+use super::render;
 use crate::source::{Parsed, Text, texts};
 
 /// A kernel set whose kernels have shaders.

@@ -8,9 +8,9 @@
 use naga::ir::{AddressSpace, Block, Expression, Statement, TypeInner};
 use naga::{Handle, Span};
 
-use crate::rules::{Body, Finding, OPAQUE_ZERO, Rule, finding, is_opaque_zero, type_of};
+use super::rules::{Body, Finding, OPAQUE_ZERO, Rule, finding, is_opaque_zero, type_of};
+use super::strict::inner_blocks;
 use crate::source::Parsed;
-use crate::strict::inner_blocks;
 
 /// Applies the rules.
 pub(crate) fn check(

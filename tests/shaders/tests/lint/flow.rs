@@ -15,9 +15,9 @@ use naga::ir::{
     ScalarKind, Statement, TypeInner,
 };
 
-use crate::rules::{Body, Finding, Rule, finding, is_float, is_opaque_zero, type_of};
+use super::rules::{Body, Finding, Rule, finding, is_float, is_opaque_zero, type_of};
+use super::strict::{inner_blocks, is_exact};
 use crate::source::{Parsed, Place};
-use crate::strict::{inner_blocks, is_exact};
 
 /// Kinds of results that have not passed the barrier.
 type Kinds = u8;

@@ -2,9 +2,9 @@
 //!
 //! A line that must be found ends in `// found`: the finding is on it, or on a call that is.
 
-use crate::rules::Rule;
+use super::rules::Rule;
+use super::{Free, arithmetic, assert_clean, lint};
 use crate::source::Text;
-use crate::{Free, arithmetic, assert_clean, lint};
 
 /// What surrounds a planted function `test`.
 const FRAME: &str = "

@@ -7,7 +7,7 @@ use naga::ir::{
     SubgroupOperation,
 };
 
-use crate::rules::{Body, Finding, Rule, finding, is_float};
+use super::rules::{Body, Finding, Rule, finding, is_float};
 use crate::source::Parsed;
 
 /// Applies the rules to every function, called or not.

@@ -1,0 +1,35 @@
+//! Tests of the CPU backend, one module a file, in one program.
+
+mod baked;
+mod baked_in_f64;
+mod baking;
+mod batches;
+mod casts;
+mod closest_point;
+mod common;
+mod compact;
+mod corners;
+mod exact;
+mod exact_closest_points;
+mod far_line;
+mod find_best;
+mod instances;
+mod large;
+mod lone;
+mod odd_rays;
+mod overlaps;
+mod packed;
+mod packed_places;
+mod paths;
+mod pending_updates;
+mod points;
+mod reference;
+mod scene_closest_points;
+mod scene_file;
+mod scene_updates;
+mod shapes;
+mod shared_meshes;
+mod small;
+mod together;
+mod updater_memory;
+mod visit_along;

@@ -1,0 +1,4 @@
+//! Tests of the viewer.
+
+mod frames;
+mod window;

@@ -1,0 +1,7 @@
+//! Tests of the shaders' texts, one module a file, in one program.
+
+mod abi;
+mod lint;
+#[path = "support/source.rs"]
+mod source;
+mod translated;
