@@ -23,10 +23,10 @@ cargo fmt --all --check
 
 # The viewer is in no default build; nothing of the others is left out when it is in.
 step "cargo clippy"
-cargo clippy --locked --workspace --features splitplane-cli/viewer --all-targets -- -D warnings
+cargo clippy --locked --workspace --features splitplane-cli/measure,splitplane-cli/viewer --all-targets -- -D warnings
 
 step "cargo doc"
-RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --features splitplane-cli/viewer --no-deps
+RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --features splitplane-cli/measure,splitplane-cli/viewer --no-deps
 
 step "each feature alone, none, and all"
 scripts/features.py
@@ -40,7 +40,7 @@ else
 fi
 
 step "an embedder compiles neither clap nor image nor wgpu"
-packages -p splitplane-cli >"$scratch/program"
+packages -p splitplane-cli --features measure >"$scratch/program"
 packages -p splitplane >"$scratch/embedder"
 grep -qx splitplane-cpu "$scratch/embedder" || fail "the embedder's build lacks the CPU backend"
 for package in clap image exr png gif obvhs plotters dejavu wgpu naga; do

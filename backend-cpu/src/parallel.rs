@@ -386,3 +386,57 @@ impl<T> ParallelSlice<T> for [T] {
         ChunksMut { start, length, chunk, borrow: PhantomData }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_part_is_taken_once_with_its_partners() {
+        for count in [0, 1, 2, 7, 1000] {
+            let numbers: Vec<usize> = (0..count).collect();
+            for chunk in [1, 3, 64] {
+                let mut taken = vec![0; count];
+                let mut chunks = vec![usize::MAX; count.div_ceil(chunk)];
+                let parts = numbers.par_chunks(chunk).zip(taken.par_chunks_mut(chunk));
+                let parts = parts.zip(&mut chunks).enumerate().with_min_len(2);
+                parts.for_each(|(index, ((numbers, taken), own))| {
+                    assert_eq!(numbers.len(), taken.len());
+                    assert_eq!(numbers[0], index * chunk);
+                    *own = index;
+                    taken.iter_mut().for_each(|times| *times += 1);
+                });
+                assert!(taken.iter().all(|&times| times == 1));
+                assert!(chunks.iter().enumerate().all(|(index, &own)| own == index));
+            }
+        }
+    }
+
+    #[test]
+    fn the_shorter_side_of_a_zip_counts() {
+        let (some, mut more) = ([1; 5], [0; 9]);
+        more.par_iter_mut().zip(&some[..]).for_each(|(more, &some)| *more = some);
+        assert_eq!(more, [1, 1, 1, 1, 1, 0, 0, 0, 0]);
+    }
+
+    #[test]
+    fn results_are_in_order_and_an_error_ends_the_loop() {
+        let numbers: Vec<u32> = (0..500).collect();
+        let doubled = numbers.par_iter().with_max_len(1).collect(|&number| 2 * number);
+        assert!(doubled.iter().zip(&numbers).all(|(doubled, number)| *doubled == 2 * number));
+        let sum = numbers.par_chunks(7).reduce(
+            0,
+            |some| some.iter().sum::<u32>(),
+            |all, some| *all += some,
+        );
+        assert_eq!(sum, 499 * 500 / 2);
+        let odd = |&number: &u32| if number == 250 { Err(number) } else { Ok(number) };
+        assert_eq!(numbers.par_iter().try_collect(odd), Err(250));
+        assert_eq!(numbers[..250].par_iter().try_collect(odd), Ok(numbers[..250].to_vec()));
+        let joined = numbers.par_iter().try_reduce(0, odd, |all, one| {
+            *all += one;
+            Ok(())
+        });
+        assert_eq!(joined, Err(250));
+    }
+}

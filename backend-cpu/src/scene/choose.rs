@@ -25,7 +25,7 @@ impl<T: SceneAnswer> Compiled for SceneBatch<'_, T> {
         // SAFETY: the caller's contract.
         unsafe {
             let compact = self.geometries.layout == QueryLayout::Compact;
-            if S::IN_TURN && usual && serves(&self) {
+            if S::SPECIALISED && usual && serves(&self) {
                 return if compact {
                     S::call(InTurn::<T, IndexedLeaves<'_>> { batch: self, of: PhantomData })
                 } else {

@@ -59,7 +59,7 @@ const fn lanes_of_pairs() -> [[u8; 8]; 256] {
 impl Simd for Avx2 {
     const N: usize = 8;
     const WRITES_OUT: bool = true;
-    const IN_TURN: bool = true;
+    const SPECIALISED: bool = true;
     type F32x16 = Avx2F32x16;
     type Eight = Avx2;
     type Floats = __m256;

@@ -79,9 +79,11 @@ pub(crate) trait Simd: ReferenceOps + Copy {
     /// Whether layouts for this set may have [corners written out](crate::layout::corners): sets of eight lanes with
     /// permutations. Others do not compile the kernels for it.
     const WRITES_OUT: bool = false;
-    /// Whether watertight rays through scenes take their steps [in turn](crate::scene). Sets without it follow them by
-    /// the one kernel that serves every accuracy.
-    const IN_TURN: bool = false;
+    /// Whether watertight rays through scenes and packets of exact rays have kernels of their own. Sets without them
+    /// trace such rays by the kernels that serve all.
+    const SPECIALISED: bool = false;
+    /// Whether there are sixteen lanes: a constant, so that what other sets do is not compiled.
+    const WIDE: bool = Self::N == 16;
     /// Sixteen floats, however many lanes a vector has.
     type F32x16: F32x16;
     /// A set of eight lanes that the processor has too.

@@ -28,7 +28,7 @@ impl ReferenceOps for Neon {}
 impl Simd for Neon {
     const N: usize = 8;
     const WRITES_OUT: bool = true;
-    const IN_TURN: bool = true;
+    const SPECIALISED: bool = true;
     type F32x16 = ArrayF32x16;
     type Eight = Neon;
     type Floats = Floats;

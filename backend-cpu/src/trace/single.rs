@@ -248,18 +248,21 @@ impl Single<'_> {
         keep: K,
     ) -> Option<Hit> {
         let room = self.layout.wide.stack();
-        // A page would load both ways; only what is unusual comes here.
-        if room > ENTRIES || cfg!(target_family = "wasm") {
-            let (mut children, mut t) = (Vec::new(), Vec::new());
+        // One walk for both, since only what is unusual comes here.
+        let (mut children, mut t) = (Vec::new(), Vec::new());
+        let mut short_children = [MaybeUninit::<u32>::uninit(); ENTRIES];
+        let mut short_t = [MaybeUninit::<f32>::uninit(); ENTRIES];
+        let stack = if room > ENTRIES {
             if lengthen(&mut children, room, 0).and(lengthen(&mut t, room, 0.0)).is_err() {
                 return None;
             }
-            let stack = TraversalStack { children: children.as_mut_ptr(), t: t.as_mut_ptr() };
-            // SAFETY: the caller's contract; stacks of that length.
-            return Some(unsafe { self.walk::<S, L, K, false>(leaves, ray_state, stack, keep) });
-        }
+            TraversalStack { children: children.as_mut_ptr(), t: t.as_mut_ptr() }
+        } else {
+            let children = short_children.as_mut_ptr().cast();
+            TraversalStack { children, t: short_t.as_mut_ptr().cast() }
+        };
         // SAFETY: the caller's contract; stacks of no less length.
-        Some(unsafe { self.through_short::<S, L, K, false, ENTRIES>(leaves, ray_state, keep) })
+        Some(unsafe { self.walk::<S, L, K, false>(leaves, ray_state, stack, keep) })
     }
 
     /// With a stack that needs no allocation.

@@ -166,7 +166,7 @@ impl Supply<'_> {
         if IndexedLeaves::of(layout).is_some() {
             return;
         }
-        if !exactly && !self.packet.is_worth_it::<S>() {
+        if exactly && !S::SPECIALISED || !exactly && !self.packet.is_worth_it::<S>() {
             return;
         }
         let sizes = if self.packet.keeps_together() { &[CHUNK, S::N][..] } else { &[S::N] };
@@ -181,7 +181,7 @@ impl Supply<'_> {
                         continue;
                     }
                     #[cfg(not(target_family = "wasm"))]
-                    if exactly {
+                    if S::SPECIALISED && exactly {
                         S::call(TraceExactly {
                             packet: &mut *self.packet,
                             layout,
@@ -197,8 +197,8 @@ impl Supply<'_> {
                     let ready = (&*self.ready, &mut *self.ray_states);
                     match lanes / S::N {
                         _ if exactly => {}
-                        2 if S::N == 16 => self.packet.trace::<S, 2>(layout, ready, options, query),
-                        4 if S::N == 8 => self.packet.trace::<S, 4>(layout, ready, options, query),
+                        2 if S::WIDE => self.packet.trace::<S, 2>(layout, ready, options, query),
+                        4 if !S::WIDE => self.packet.trace::<S, 4>(layout, ready, options, query),
                         _ => self.packet.trace::<S, 1>(layout, ready, options, query),
                     }
                 }

@@ -18,7 +18,7 @@ pub(crate) struct Avx512;
 // SAFETY of all blocks: the trait's contract, the set and readable or writable memory.
 impl Simd for Avx512 {
     const N: usize = 16;
-    const IN_TURN: bool = true;
+    const SPECIALISED: bool = true;
     type F32x16 = Avx512F32x16;
     type Eight = Avx2;
     type Floats = __m512;

@@ -160,8 +160,8 @@ impl Compiled for TraceExactly<'_> {
         unsafe {
             packet.begin_exactly::<S>(rays, groups, &bounds);
             match groups {
-                2 if S::N == 16 => packet.walk::<S, 2, true>(layout, rays, options, query),
-                4 if S::N == 8 => packet.walk::<S, 4, true>(layout, rays, options, query),
+                2 if S::WIDE => packet.walk::<S, 2, true>(layout, rays, options, query),
+                4 if !S::WIDE => packet.walk::<S, 4, true>(layout, rays, options, query),
                 _ => packet.walk::<S, 1, true>(layout, rays, options, query),
             }
             if query == Query::Closest {
