@@ -302,7 +302,7 @@ impl<const N: usize> CpuPointTree<N> {
     }
 
     fn searched(&self) -> Searched<'_, N> {
-        Searched { layout: &self.layout, indices: self.tree.indices() }
+        Searched { layout: &self.layout, tree: &self.tree }
     }
 
     /// The box around all points, in the caller's unit, about.
@@ -333,7 +333,9 @@ const _: () = assert!(WIDTH.pow(LEVELS as u32) >= (1 << 30) / WIDTH);
 fn bytes<const N: usize>(points: usize) -> u64 {
     let nodes = points.div_ceil(BLOCK).saturating_sub(1) * size_of::<PointNode>();
     let each = size_of::<[f32; N]>() + size_of::<u32>();
-    PointLayout::<N>::bytes(points) + (points * each + nodes) as u64
+    PointLayout::<N>::bytes(points)
+        + PointTree::<N>::summary_bytes(points)
+        + (points * each + nodes) as u64
 }
 
 /// Bytes of a build: besides, a second column of indices, and the rest of the last block.

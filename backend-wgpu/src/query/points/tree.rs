@@ -86,5 +86,6 @@ impl Queries {
 /// Bytes of a tree in both places.
 fn bytes<const N: usize>(tree: &PointTree<N>) -> u64 {
     let arrays = size_of_val(tree.points()) + size_of_val(tree.indices());
-    DevicePoints::bytes_of(tree.len()) + (arrays + size_of_val(tree.nodes())) as u64
+    let nodes = size_of_val(tree.nodes()) + size_of_val(tree.marks());
+    DevicePoints::bytes_of(tree.len()) + (arrays + nodes) as u64
 }
