@@ -77,6 +77,14 @@ impl<'w> Asking<'w> {
         if self.is_over() { Err(self.cancelled()) } else { Ok(()) }
     }
 
+    /// The error of a part of the work as that of the whole.
+    pub(super) fn of_whole(&self, error: QueryError) -> QueryError {
+        match error {
+            QueryError::Cancelled { .. } => self.cancelled(),
+            error => error,
+        }
+    }
+
     /// The error of work that the watch cancelled.
     pub(super) fn cancelled(&self) -> QueryError {
         QueryError::Cancelled { done: self.done.load(Relaxed), total: self.total }

@@ -62,7 +62,7 @@ impl WgpuAccelerator {
                     .zip(&*lists)
                     .map(|(volume, list)| match list {
                         Some(_) => Ok(None),
-                        None => self.on_host(volume, false, options).map(Some),
+                        None => self.on_host(volume, false, options, asking).map(Some),
                     })
                     .collect();
                 for (found, list) in found.into_iter().zip(lists) {
@@ -110,7 +110,7 @@ impl WgpuAccelerator {
                             _ => {
                                 counts[0] += 1;
                                 counts[1] += u64::from(*said == Said::Unfinished);
-                                !self.on_host(volume, true, options)?.is_empty()
+                                !self.on_host(volume, true, options, asking)?.is_empty()
                             }
                         };
                     }
@@ -138,8 +138,11 @@ impl WgpuAccelerator {
         volume: &Volume<'_>,
         any: bool,
         options: &OverlapOptions<'_>,
+        asking: &Asking<'_>,
     ) -> Result<Vec<u32>, QueryError> {
-        overlapping(&self.tree.view(), &self.triangles[..], volume, any, options)
+        let options = &OverlapOptions { watch: asking.watch(), ..*options };
+        let found = overlapping(&self.tree.view(), &self.triangles[..], volume, any, options);
+        found.map_err(|error| asking.of_whole(error))
     }
 
     /// What each volume meets, by the device's lists; `None` for those that are left to the host. Besides, how many the driver did not let finish.

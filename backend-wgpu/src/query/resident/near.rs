@@ -54,12 +54,13 @@ pub(super) fn overlaps(
     }
     let asking = &Asking::new(options.watch, volumes.len());
     asking.check()?;
-    let own = &SceneOverlapOptions { watch: None, ..*options };
+    let own = &SceneOverlapOptions { watch: asking.watch(), ..*options };
     let parts = volumes.par_chunks(VOLUMES).map(|volumes| {
         let mut part = SceneOverlaps::default();
         for volume in volumes.chunks(1) {
             asking.check()?;
-            part.append(scene.overlaps(volume, own)?, None)?;
+            let found = scene.overlaps(volume, own).map_err(|error| asking.of_whole(error))?;
+            part.append(found, None)?;
             asking.advance(1);
         }
         Ok(part)
@@ -83,11 +84,13 @@ pub(super) fn overlaps_any(
     check_lengths(volumes.len(), found.len())?;
     let asking = &Asking::new(options.watch, volumes.len());
     asking.check()?;
+    let own = &SceneOverlapOptions { watch: asking.watch(), ..*options };
     volumes.par_chunks(VOLUMES).zip(found.par_chunks_mut(VOLUMES)).try_for_each(
         |(volumes, found)| {
             for (volume, found) in volumes.iter().zip(found) {
                 asking.check()?;
-                *found = scene.overlaps_any(volume, options)?;
+                let met = scene.overlaps_any(volume, own);
+                *found = met.map_err(|error| asking.of_whole(error))?;
                 asking.advance(1);
             }
             Ok::<(), QueryError>(())
