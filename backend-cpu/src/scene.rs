@@ -18,6 +18,7 @@ use splitplane_core::ray::{Accuracy, Ray};
 use splitplane_core::report::QueryReport;
 use splitplane_core::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport};
 use splitplane_core::watch::{Progress, Stage, Watch};
+use splitplane_float_state::Standard;
 
 use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
 use crate::near::in_order::{Parts, answer_in_order};
@@ -71,6 +72,7 @@ impl CpuScene {
         build: &mut BuildGeometry<'_>,
         set: InstructionSet,
     ) -> Result<CpuScene, SceneBuildError> {
+        let _state = Standard::set();
         let built = BuiltScene::build(scene, options, build)?;
         let kind = Kind::of(&built, set);
         Ok(CpuScene { built, set, kind })
@@ -78,6 +80,7 @@ impl CpuScene {
 
     /// The answer to one ray.
     fn answer_one<T: SceneAnswer>(&self, ray: &Ray, options: &SceneOptions<'_>) -> T {
+        let _state = Standard::set();
         let single = SceneSingle { scene: &self.built, ray, options, set: self.set };
         // SAFETY: the set is one of this processor's.
         if let Followed::Answer(answer) = unsafe { single.follow() } {
@@ -124,6 +127,7 @@ impl CpuScene {
         answers: &mut [T],
         options: &SceneOptions<'_>,
     ) -> Result<SceneReport, QueryError> {
+        let _state = Standard::set();
         check_lengths(rays.len(), answers.len())?;
         if LONE_SERVED && let Some(lone) = Lone::of(&self.built, options) {
             return lone.answer(rays, answers);
@@ -139,6 +143,7 @@ impl CpuScene {
         let size = if meter.is_watched() { WATCHED_BLOCK } else { BLOCK };
         let blocks = rays.par_chunks(size).zip(answers.par_chunks_mut(size));
         let report = blocks.try_fold(SceneReport::default, |mut report, (rays, answers)| {
+            let _state = Standard::set();
             // Taken out, since a geometry's batch may run another block on this thread; `None` while the thread is being
             // destroyed.
             let kept = SCRATCH.try_with(RefCell::take).ok().flatten();
@@ -181,6 +186,7 @@ impl SceneAccelerator for CpuScene {
         options: &BuildOptions<'_>,
         build: &mut BuildGeometry<'_>,
     ) -> Result<UpdateReport, SceneBuildError> {
+        let _state = Standard::set();
         let report = self.built.update(scene, options, build)?;
         if report.geometries_built > 0 || report.geometries_dropped > 0 {
             self.kind = Kind::of(&self.built, self.set);
@@ -221,6 +227,7 @@ impl SceneAccelerator for CpuScene {
         options: &SceneAllHitsOptions<'_>,
     ) -> Result<SceneAllHits, QueryError> {
         if options.max_memory.is_some() {
+            let _state = Standard::set();
             return self.built.all_hits(rays, options);
         }
         let meter = &ProgressMeter::of(options.query.watch);
@@ -260,6 +267,7 @@ impl SceneAccelerator for CpuScene {
         options: &LocateOptions<'_>,
     ) -> Result<Located, QueryError> {
         if options.max_memory.is_some() {
+            let _state = Standard::set();
             return self.built.locate(points, options);
         }
         let meter = &ProgressMeter::of(options.watch);
@@ -360,6 +368,7 @@ impl CpuScene {
     ) -> Result<Vec<R>, QueryError> {
         meter.begin_stage(Stage::Rays, asked.len() as u64);
         let parts = asked.par_chunks(few(meter)).zip(own).map(|(asked, own)| {
+            let _state = Standard::set();
             meter.check_batch()?;
             let watch = PartWatch(meter);
             let watch: Option<&dyn Watch> = if meter.is_watched() { Some(&watch) } else { None };

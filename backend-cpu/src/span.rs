@@ -9,6 +9,8 @@ use std::cell::RefCell;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::time::Duration;
 
+use splitplane_float_state::{Standard, standard};
+
 /// What was measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Span {
@@ -63,13 +65,13 @@ pub(crate) fn threads() -> usize {
     with(|recorder| recorder.threads).unwrap_or_else(rayon::current_num_threads)
 }
 
-/// As [`rayon::join`].
+/// As [`rayon::join`]; both branches run in the default floating-point state.
 pub(crate) fn join<A: Send, B: Send>(
     a: impl FnOnce() -> A + Send,
     b: impl FnOnce() -> B + Send,
 ) -> (A, B) {
     if !is_active() {
-        return rayon::join(a, b);
+        return rayon::join(|| standard(a), || standard(b));
     }
     with(|recorder| recorder.open());
     let a = a();
@@ -90,15 +92,17 @@ pub(crate) fn pieces_of(least: usize) -> Loop {
     }))
 }
 
-/// A piece of the innermost loop, from here until it is dropped.
+/// A piece of the innermost loop, from here until it is dropped, in the default floating-point state: the thread may be one of the caller's pool.
 #[must_use]
 pub(crate) fn piece() -> Piece {
-    Piece(with(|recorder| {
+    let state = Standard::set();
+    let measured = with(|recorder| {
         // The clock is read once for a task: pieces may be short.
         if recorder.loops.last().is_none_or(|pieces| pieces.count == 0) {
             recorder.open();
         }
-    }))
+    });
+    Piece { measured, _state: state }
 }
 
 /// Work of one task, which is all that the task does.
@@ -147,11 +151,14 @@ impl Drop for Loop {
 
 /// Ends a piece.
 #[derive(Debug)]
-pub(crate) struct Piece(Option<()>);
+pub(crate) struct Piece {
+    measured: Option<()>,
+    _state: Standard,
+}
 
 impl Drop for Piece {
     fn drop(&mut self) {
-        if self.0.is_some() {
+        if self.measured.is_some() {
             with(|recorder| {
                 let Some(pieces) = recorder.loops.last_mut() else { return };
                 pieces.count += 1;

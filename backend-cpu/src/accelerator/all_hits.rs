@@ -8,6 +8,7 @@ use splitplane_core::error::{QueryError, check_bytes, refused};
 use splitplane_core::query::all_hits::{AllHits, AllHitsOptions, Collector, Crossing};
 use splitplane_core::ray::Ray;
 use splitplane_core::watch::Stage;
+use splitplane_float_state::Standard;
 
 use super::CpuAccelerator;
 use super::task_bytes::{FEW, TaskBytes};
@@ -34,6 +35,7 @@ impl CpuAccelerator {
         parts.try_reserve_exact(tasks).map_err(|_| lacking())?;
         parts.resize(tasks, None);
         rays.par_chunks(FEW).zip(&mut parts).try_for_each(|(rays, out)| {
+            let _state = Standard::set();
             let mut share = TaskBytes { held: &held, own: 0, max_memory: options.max_memory };
             let mut part = AllHits::with_room(rays.len()).map_err(|_| lacking())?;
             let mut collector = Collector::default();

@@ -6,6 +6,7 @@ use splitplane_core::query::cast::{Cast, CastOptions, CastSearch, Impact};
 use splitplane_core::query::closest_point::check_lengths;
 use splitplane_core::report::QueryReport;
 use splitplane_core::watch::Stage;
+use splitplane_float_state::Standard;
 
 use super::CpuAccelerator;
 use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
@@ -29,6 +30,7 @@ impl CpuAccelerator {
         let layout = &self.layout;
         casts.par_chunks(TASK).zip(impacts.par_chunks_mut(TASK)).try_for_each(
             |(casts, impacts)| {
+                let _state = Standard::set();
                 for (cast, impact) in casts.iter().zip(impacts) {
                     if meter.is_cancelled() {
                         break;

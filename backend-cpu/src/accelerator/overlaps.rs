@@ -8,6 +8,7 @@ use splitplane_core::query::closest_point::check_lengths;
 use splitplane_core::query::overlap::{OverlapOptions, Overlaps, Region, Volume};
 use splitplane_core::report::QueryReport;
 use splitplane_core::watch::Stage;
+use splitplane_float_state::Standard;
 
 use super::CpuAccelerator;
 use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
@@ -89,6 +90,7 @@ impl CpuAccelerator {
         options: &OverlapOptions<'_>,
         meter: &ProgressMeter<'_>,
     ) -> Result<Vec<u32>, QueryError> {
+        let _state = Standard::set();
         let found = Vec::new();
         let Some(region) = Region::new(volume)? else { return Ok(found) };
         let mut visitor = Overlapping { region, any, options, meter, found };

@@ -10,6 +10,7 @@ use splitplane_core::query::inside::{LocateOptions, Located, Locator};
 use splitplane_core::ray::{QueryOptions, Ray};
 use splitplane_core::report::QueryReport;
 use splitplane_core::watch::Stage;
+use splitplane_float_state::Standard;
 
 use super::CpuAccelerator;
 use super::task_bytes::{FEW, TaskBytes};
@@ -32,6 +33,7 @@ impl CpuAccelerator {
         let options = QueryOptions::default();
         let tasks = points.par_chunks(FEW).zip(windings.par_chunks_mut(FEW));
         tasks.try_for_each(|(points, windings)| {
+            let _state = Standard::set();
             let mut share = TaskBytes { held: &held, own: 0, max_memory };
             let mut locator = Locator::default();
             for (&point, winding) in points.iter().zip(windings) {

@@ -6,6 +6,7 @@ use splitplane_core::arithmetic::snap;
 use splitplane_core::error::BuildError;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::triangle::Triangle;
+use splitplane_float_state::Standard;
 
 use super::gathered_block::GatheredBlock;
 use crate::cancel::ProgressMeter;
@@ -100,6 +101,7 @@ impl IndexedMesh {
         }
         let pieces = vertices.par_chunks_mut(PIECE).zip(positions.par_chunks(PIECE));
         pieces.for_each(|(vertices, positions)| {
+            let _state = Standard::set();
             if meter.record_work(positions.len() as u64) {
                 return;
             }

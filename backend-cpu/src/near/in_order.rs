@@ -3,6 +3,7 @@
 
 use rayon::prelude::*;
 use splitplane_core::error::{QueryError, refused};
+use splitplane_float_state::Standard;
 
 use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
 use crate::points::order::along_curve;
@@ -37,6 +38,7 @@ pub(crate) fn answer_in_order<T: Copy + Send + Sync>(
     if points.len() < AT_LEAST {
         let tasks = points.par_chunks(task).zip(answers.par_chunks_mut(task));
         return tasks.try_for_each(|(points, answers)| {
+            let _state = Standard::set();
             for (points, answers) in points.chunks(few).zip(answers.chunks_mut(few)) {
                 if meter.is_cancelled() {
                     break;
@@ -52,6 +54,7 @@ pub(crate) fn answer_in_order<T: Copy + Send + Sync>(
     let parts = if threads == 1 { 1 } else { 4 * threads };
     let chunk = points.len().div_ceil(parts).clamp(task, CHUNK);
     points.par_chunks(chunk).zip(answers.par_chunks_mut(chunk)).try_for_each(|(points, answers)| {
+        let _state = Standard::set();
         if meter.is_cancelled() {
             return Ok(());
         }

@@ -15,6 +15,7 @@ use splitplane_core::scene::{
     TopNode, TopRay,
 };
 use splitplane_core::watch::Stage;
+use splitplane_float_state::Standard;
 
 use super::batch::{BLOCK, WATCHED_BLOCK};
 use super::parts::all_count;
@@ -67,6 +68,7 @@ impl<'a> Lone<'a> {
         let size = if meter.is_watched() { WATCHED_BLOCK } else { BLOCK };
         let blocks = rays.par_chunks(size).zip(answers.par_chunks_mut(size));
         let reports = blocks.map_init(Seen::default, |seen, (rays, answers)| {
+            let _state = Standard::set();
             meter.check_batch()?;
             let report = self.answer_block(seen, rays, answers)?;
             meter.advance(rays.len() as u64);

@@ -6,6 +6,7 @@ use splitplane_core::error::QueryError;
 use splitplane_core::query::closest_point::check_lengths;
 use splitplane_core::query::overlap::Volume;
 use splitplane_core::watch::{Stage, Watch};
+use splitplane_float_state::Standard;
 
 use super::{CpuScene, PartWatch};
 use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
@@ -20,6 +21,7 @@ impl CpuScene {
         volumes: &[Volume<'_>],
         options: &SceneOverlapOptions<'_>,
     ) -> Result<SceneOverlaps, QueryError> {
+        let _state = Standard::set();
         if options.max_memory.is_some() {
             return self.built.overlaps(volumes, options);
         }
@@ -29,6 +31,7 @@ impl CpuScene {
         let watch: Option<&dyn Watch> = if meter.is_watched() { Some(&watch) } else { None };
         let own = &SceneOverlapOptions { watch, ..*options };
         let parts = volumes.par_chunks(TASK).map(|volumes| {
+            let _state = Standard::set();
             let mut part = SceneOverlaps::default();
             for volume in volumes.chunks(1) {
                 if meter.is_cancelled() {
@@ -68,6 +71,7 @@ impl CpuScene {
         let own = &SceneOverlapOptions { watch, ..*options };
         volumes.par_chunks(TASK).zip(found.par_chunks_mut(TASK)).try_for_each(
             |(volumes, found)| {
+                let _state = Standard::set();
                 for (volume, found) in volumes.iter().zip(found) {
                     if meter.is_cancelled() {
                         break;

@@ -9,6 +9,7 @@ use splitplane_core::layout::NearBatch;
 use splitplane_core::query::closest_point::check_lengths;
 use splitplane_core::query::overlap::{OverlapOptions, Overlaps, Region, Volume, add, overlapping};
 use splitplane_core::report::QueryReport;
+use splitplane_float_state::Standard;
 
 use super::super::accelerator::WgpuAccelerator;
 use super::super::settle::Asking;
@@ -102,6 +103,7 @@ impl WgpuAccelerator {
                 .zip(found.par_chunks_mut(FEW))
                 .zip(said.par_chunks(FEW))
                 .map(|((volumes, found), said)| {
+                    let _state = Standard::set();
                     let mut counts = [0; 2];
                     asking.check()?;
                     for ((volume, found), said) in volumes.iter().zip(found).zip(said) {
@@ -140,6 +142,7 @@ impl WgpuAccelerator {
         options: &OverlapOptions<'_>,
         asking: &Asking<'_>,
     ) -> Result<Vec<u32>, QueryError> {
+        let _state = Standard::set();
         let options = &OverlapOptions { watch: asking.watch(), ..*options };
         let found = overlapping(&self.tree.view(), &self.triangles[..], volume, any, options);
         found.map_err(|error| asking.of_whole(error))
@@ -261,6 +264,7 @@ impl WgpuAccelerator {
         bytes: &[u8],
         options: &OverlapOptions<'_>,
     ) -> Result<Said, QueryError> {
+        let _state = Standard::set();
         let word = |at: usize| bytemuck::pod_read_unaligned::<u32>(&bytes[4 * at..4 * at + 4]);
         let count = word(0);
         match count {
