@@ -10,7 +10,7 @@ import subprocess
 import sys
 
 EMBEDDED = [
-    "splitplane-core", "splitplane-shaders", "splitplane-cpu", "splitplane-wgpu",
+    "splitplane-core", "splitplane-float-state", "splitplane-shaders", "splitplane-cpu", "splitplane-wgpu",
     "splitplane-render", "splitplane-scene", "splitplane-verify", "splitplane",
 ]
 

@@ -19,6 +19,7 @@ use splitplane_core::scene::{
     GeometryId, GeometryMesh, Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport,
 };
 use splitplane_core::watch::Watch;
+use splitplane_float_state::Standard;
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, PoisonError};
 use thiserror::Error;
@@ -122,6 +123,7 @@ impl LazyScene {
     /// # Errors
     /// As for [`LazyScene::new`]; the scene is then what it was.
     pub fn update(&mut self, scene: &Scene) -> Result<(), SceneBuildError> {
+        let _state = Standard::set();
         self.backend.check_shapes(scene)?;
         let mirror = description(scene, scene, |_| false)?;
         let state = self.state();
@@ -248,6 +250,7 @@ impl LazyScene {
         rays: &[Ray],
         options: &SceneAllHitsOptions<'_>,
     ) -> Result<SceneAllHits, LazyError> {
+        let _state = Standard::set();
         let reached = self.reached(rays, options);
         Ok(self.build(&reached, options.query.watch)?.accelerator.all_hits(rays, options)?)
     }
@@ -262,6 +265,7 @@ impl LazyScene {
         counts: &mut [u64],
         options: &SceneAllHitsOptions<'_>,
     ) -> Result<QueryReport, LazyError> {
+        let _state = Standard::set();
         let state = self.build(&self.reached(rays, options), options.query.watch)?;
         Ok(state.accelerator.count_hits(rays, counts, options)?)
     }
@@ -290,6 +294,7 @@ impl LazyScene {
         ask: impl Fn(&dyn SceneAccelerator, &[Ray], &mut [T]) -> Result<SceneReport, QueryError>,
         limit: impl Fn(&T) -> f32,
     ) -> Result<SceneReport, LazyError> {
+        let _state = Standard::set();
         let mut state = self.state();
         let mut report = ask(&*state.accelerator, rays, answers)?;
         let mut open: Vec<usize> = (0..rays.len()).collect();
@@ -327,6 +332,7 @@ impl LazyScene {
         names: &BTreeSet<GeometryId>,
         watch: Option<&dyn Watch>,
     ) -> Result<Arc<State>, LazyError> {
+        let _state = Standard::set();
         let options = BuildOptions { watch, ..self.options };
         // What this call has built, should others be faster.
         let mut built: Vec<(GeometryId, SharedGeometry)> = Vec::new();

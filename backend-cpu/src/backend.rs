@@ -13,6 +13,7 @@ use splitplane_core::tree::validate::validate_mesh_while;
 use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::{Prepared, Triangle, prepare};
 use splitplane_core::watch::Stage;
+use splitplane_float_state::Standard;
 
 use crate::accelerator::CpuAccelerator;
 use crate::build::{self, BuildScratch, Finished, Lists};
@@ -200,6 +201,7 @@ impl CpuBackend {
         how: (Lists, u64),
         mut then: impl FnMut(BuiltTree<'_>) -> Result<T, BuildError>,
     ) -> Result<T, BuildError> {
+        let _state = Standard::set();
         options.config.validate()?;
         // A poisoned lock means that another build panicked; its scratch is not needed.
         let kept = self.scratch.lock().map_or(None, |mut kept| kept.take());
@@ -309,6 +311,7 @@ impl Backend for CpuBackend {
         tree: KdTree,
         options: &LoadOptions<'_>,
     ) -> Result<Box<dyn Accelerator>, BuildError> {
+        let _state = Standard::set();
         let meter = &ProgressMeter::of(options.watch);
         // Each triangle is checked, then prepared.
         meter.begin_stage(Stage::Start, 2 * mesh.len() as u64);

@@ -8,11 +8,17 @@ use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Mutex, PoisonError};
 
 use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
+use splitplane_float_state::Standard;
 
-/// Calls `body` with each index below `count`. A task has at least `least` of them, and at most `most`.
+/// Calls `body` with each index below `count`, in the default floating-point state whatever that of the pool's threads
+/// is. A task has at least `least` indices, and at most `most`.
 #[inline(never)]
 fn for_each_index(count: usize, least: usize, most: usize, body: &(dyn Fn(usize) + Sync)) {
-    (0..count).into_par_iter().with_min_len(least).with_max_len(most).for_each(body);
+    let indices = (0..count).into_par_iter().with_min_len(least).with_max_len(most);
+    indices.for_each(|index| {
+        let _state = Standard::set();
+        body(index);
+    });
 }
 
 /// Something that tasks take apart.

@@ -17,6 +17,7 @@ use splitplane_core::ray::{Accuracy, Ray};
 use splitplane_core::report::QueryReport;
 use splitplane_core::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport};
 use splitplane_core::watch::{Progress, Stage, Watch};
+use splitplane_float_state::Standard;
 
 use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
 use crate::near::in_order::{Division, answer_in_order};
@@ -71,6 +72,7 @@ impl CpuScene {
         build: &mut BuildGeometry<'_>,
         set: InstructionSet,
     ) -> Result<CpuScene, SceneBuildError> {
+        let _state = Standard::set();
         let built = BuiltScene::build(scene, options, build)?;
         let kind = Kind::of(&built, set);
         Ok(CpuScene { built, set, kind })
@@ -78,6 +80,7 @@ impl CpuScene {
 
     /// The answer to one ray.
     fn answer_one<T: SceneAnswer>(&self, ray: &Ray, options: &SceneOptions<'_>) -> T {
+        let _state = Standard::set();
         let single = SceneSingle { scene: &self.built, ray, options, set: self.set };
         // SAFETY: the set is one of this processor's.
         if let Followed::Answer(answer) = unsafe { single.follow() } {
@@ -126,6 +129,7 @@ impl CpuScene {
         answers: &mut [T],
         options: &SceneOptions<'_>,
     ) -> Result<SceneReport, QueryError> {
+        let _state = Standard::set();
         check_lengths(rays.len(), answers.len())?;
         if LONE_SERVED && let Some(lone) = Lone::of(&self.built, options) {
             return lone.answer(rays, answers);
@@ -180,6 +184,7 @@ impl SceneAccelerator for CpuScene {
         options: &BuildOptions<'_>,
         build: &mut BuildGeometry<'_>,
     ) -> Result<UpdateReport, SceneBuildError> {
+        let _state = Standard::set();
         let report = self.built.update(scene, options, build)?;
         if report.geometries_built > 0 || report.geometries_dropped > 0 {
             self.kind = Kind::of(&self.built, self.set);
@@ -220,6 +225,7 @@ impl SceneAccelerator for CpuScene {
         options: &SceneAllHitsOptions<'_>,
     ) -> Result<SceneAllHits, QueryError> {
         if options.max_memory.is_some() {
+            let _state = Standard::set();
             return self.built.all_hits(rays, options);
         }
         let meter = &ProgressMeter::of(options.query.watch);
@@ -260,6 +266,7 @@ impl SceneAccelerator for CpuScene {
         options: &LocateOptions<'_>,
     ) -> Result<Located, QueryError> {
         if options.max_memory.is_some() {
+            let _state = Standard::set();
             return self.built.locate(points, options);
         }
         let meter = &ProgressMeter::of(options.watch);

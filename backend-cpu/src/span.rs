@@ -9,6 +9,8 @@ use std::cell::RefCell;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::time::Duration;
 
+use splitplane_float_state::standard;
+
 /// What was measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Span {
@@ -63,13 +65,13 @@ pub(crate) fn threads() -> usize {
     with(|recorder| recorder.threads).unwrap_or_else(rayon::current_num_threads)
 }
 
-/// As [`rayon::join`].
+/// As [`rayon::join`]; both branches run in the default floating-point state.
 pub(crate) fn join<A: Send, B: Send>(
     a: impl FnOnce() -> A + Send,
     b: impl FnOnce() -> B + Send,
 ) -> (A, B) {
     if !is_active() {
-        return rayon::join(a, b);
+        return rayon::join(|| standard(a), || standard(b));
     }
     with(|recorder| recorder.open());
     let a = a();

@@ -19,6 +19,7 @@ use splitplane_core::tree::KdTree;
 use splitplane_core::tree::validate::validate_mesh_while;
 use splitplane_core::triangle::{Prepared, Triangle, prepare};
 use splitplane_core::watch::{Progress, Stage};
+use splitplane_float_state::Standard;
 
 use crate::builder::buffers::{Buffers, POOL_AT_START};
 use crate::builder::capacities::Capacities;
@@ -186,6 +187,7 @@ impl WgpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions<'_>,
     ) -> Result<DeviceBuild, BuildError> {
+        let _state = Standard::set();
         self.submit_build(mesh, options)?.wait_watched(options.watch)
     }
 
@@ -217,6 +219,7 @@ impl WgpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions<'_>,
     ) -> Result<PendingBuild, BuildError> {
+        let _state = Standard::set();
         self.submit(&Source::Host(*mesh), options, false, false)
     }
 
@@ -230,6 +233,7 @@ impl WgpuBackend {
         mesh: &DeviceMesh<'_>,
         options: &BuildOptions<'_>,
     ) -> Result<PendingBuild, BuildError> {
+        let _state = Standard::set();
         self.submit(&Source::Device(*mesh), options, false, false)
     }
 
@@ -244,6 +248,7 @@ impl WgpuBackend {
         group_of: &[u32],
         groups: usize,
     ) -> Result<MovedMesh, MovedMeshError> {
+        let _state = Standard::set();
         MovedMesh::new(&self.shared, mesh, group_of, groups)
     }
 
@@ -295,6 +300,7 @@ impl WgpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions<'_>,
     ) -> Result<WgpuAccelerator, BuildError> {
+        let _state = Standard::set();
         blocking(self.build_accelerator_by(Wait::Blocking, mesh, options))
     }
 
@@ -351,6 +357,7 @@ impl WgpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions<'_>,
     ) -> Result<(), BuildError> {
+        let _state = Standard::set();
         let held = accelerator.held_bytes();
         let built = self.build_accelerator(mesh, &options.beside(held));
         let mut built = built.map_err(|error| error.beside(held, options.max_memory))?;
@@ -371,6 +378,7 @@ impl WgpuBackend {
         scene: &Scene,
         options: &BuildOptions<'_>,
     ) -> Result<WgpuScene, SceneBuildError> {
+        let _state = Standard::set();
         self.check_shapes(scene)?;
         let queries = Arc::clone(&self.shared.queries);
         let mut build = |mesh: &Mesh<'_>, options: &BuildOptions<'_>| self.build(mesh, options);
@@ -386,6 +394,7 @@ impl WgpuBackend {
         file: &SceneFile<'_>,
         options: &LoadOptions<'_>,
     ) -> Result<(Scene, WgpuScene), SceneBuildError> {
+        let _state = Standard::set();
         let mut built = WgpuScene::empty(Arc::clone(&self.shared.queries));
         let scene = self.load_scene_into(&mut built, file, options)?;
         Ok((scene, built))
@@ -606,6 +615,7 @@ impl Backend for WgpuBackend {
         tree: KdTree,
         options: &LoadOptions<'_>,
     ) -> Result<Box<dyn Accelerator>, BuildError> {
+        let _state = Standard::set();
         let watch = options.watch;
         // Each triangle is checked, then prepared.
         let total = 2 * mesh.len() as u64;

@@ -5,15 +5,17 @@ use std::cell::RefCell;
 use std::ffi::{CStr, CString, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use splitplane_float_state::standard;
+
 use crate::status::{Failure, Status};
 
 thread_local! {
     static MESSAGE: RefCell<CString> = RefCell::new(CString::default());
 }
 
-/// Does the work of a call.
+/// Does the work of a call, in the default floating-point state: the caller may have called `fesetround`.
 pub(crate) fn entry(work: impl FnOnce() -> Result<(), Failure>) -> Status {
-    let failure = match catch_unwind(AssertUnwindSafe(work)) {
+    let failure = match catch_unwind(AssertUnwindSafe(|| standard(work))) {
         Ok(Ok(())) => return Status::Ok,
         Ok(Err(failure)) => failure,
         Err(panic) => {

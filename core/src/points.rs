@@ -10,4 +10,6 @@ pub mod distance;
 pub mod lists;
 pub mod nearest;
 pub mod parts;
+#[doc(hidden)]
+pub mod summary;
 pub mod tree;

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
 use splitplane::{Progress, QueryError, Stage, Watch};
+use splitplane_float_state::standard;
 
 use crate::failure::Failure;
 use crate::pool;
@@ -189,7 +190,7 @@ impl Call {
         self.1.is_some()
     }
 
-    /// Does the work. An exception of the callback or of a signal ends it, and is raised when it has ended.
+    /// Does the work, in the default floating-point state. An exception of the callback or of a signal ends it, and is raised when it has ended.
     pub(crate) fn run<T: Send>(
         &self,
         py: Python<'_>,
@@ -205,7 +206,7 @@ impl Call {
         py.detach(|| {
             pool.in_place_scope(|scope| {
                 scope.spawn(|_| {
-                    let done = catch_unwind(AssertUnwindSafe(|| work(&watcher)));
+                    let done = catch_unwind(AssertUnwindSafe(|| standard(|| work(&watcher))));
                     *locked(&result) = Some(done);
                     finished.notify_all();
                 });
@@ -246,7 +247,7 @@ impl Call {
         let (looked, raised) = (Mutex::new(Instant::now()), Mutex::new(None));
         let alone = Some(Alone { callback, looked, raised });
         let mut watcher = Watcher { alone, ..Watcher::default() };
-        let done = py.detach(|| work(&watcher));
+        let done = py.detach(|| standard(|| work(&watcher)));
         if let Some(error) = watcher.alone.as_mut().and_then(|alone| locked(&alone.raised).take()) {
             return Err(error);
         }

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use crate::arrays::{room_for_rows, rows};
 use crate::call::Call;
 use crate::failure::Failure;
+use splitplane_float_state::Standard;
 
 /// Rays that a task takes.
 const TASK: usize = 1 << 13;
@@ -27,6 +28,8 @@ fn write(
     shift: [f64; 3],
     rows: &mut [[f32; 6]],
 ) -> bool {
+    // A thread of the pool; the calling thread has this state already.
+    let _state = Standard::set();
     let mut too_far = false;
     for ((origin, direction), row) in origins.iter().zip(directions).zip(rows) {
         let [x, y, z] = *origin;

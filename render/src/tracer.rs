@@ -37,6 +37,7 @@ use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::report::{BackendInfo, BuildSummary};
 use splitplane_core::tree::digest::Digest;
+use splitplane_float_state::Standard;
 
 /// A backend that a [`Tracer`] can use, by its concrete type.
 #[derive(Debug)]
@@ -143,6 +144,7 @@ impl Tracer {
         appearance: &Appearance<'_>,
         options: &BuildOptions<'_>,
     ) -> Result<Tracer, TracerError> {
+        let _state = Standard::set();
         SceneData::check(mesh, appearance)?;
         let on = match backend.into() {
             #[cfg(feature = "cpu")]
@@ -213,6 +215,7 @@ impl Tracer {
         appearance: &Appearance<'_>,
         options: &BuildOptions<'_>,
     ) -> Result<(), TracerError> {
+        let _state = Standard::set();
         SceneData::check(mesh, appearance)?;
         self.rebuild_for_queries(mesh, options)?;
         on!(&mut self.on, on => on.forget_keyframes());
@@ -230,6 +233,7 @@ impl Tracer {
         mesh: &Mesh<'_>,
         options: &BuildOptions<'_>,
     ) -> Result<(), TracerError> {
+        let _state = Standard::set();
         on!(&mut self.on, on => on.rebuild(mesh, options))
     }
 
@@ -242,6 +246,7 @@ impl Tracer {
         mesh: &Mesh<'_>,
         options: &BuildOptions<'_>,
     ) -> Result<(), TracerError> {
+        let _state = Standard::set();
         on!(&mut self.on, on => on.rebuild_for_queries(mesh, options))
     }
 
@@ -259,6 +264,7 @@ impl Tracer {
         moved: &Moved<'_>,
         options: &BuildOptions<'_>,
     ) -> Result<(), TracerError> {
+        let _state = Standard::set();
         on!(&mut self.on, on => on.submit_rebuild(moved, options))
     }
 
@@ -268,6 +274,7 @@ impl Tracer {
     /// # Errors
     /// As for [`Tracer::rebuild`].
     pub fn finish_rebuild(&mut self) -> Result<(), TracerError> {
+        let _state = Standard::set();
         on!(&mut self.on, on => on.finish_rebuild())
     }
 
@@ -281,12 +288,14 @@ impl Tracer {
         mesh: &Mesh<'_>,
         appearance: &Appearance<'_>,
     ) -> Result<(), TracerError> {
+        let _state = Standard::set();
         Ok(self.appearance.describe_again(mesh, appearance)?)
     }
 
     /// Takes over the normals of a scene whose vertices have moved; the rest of its appearance stays. Does
     /// nothing for a scene without normals.
     pub fn update_normals(&mut self, mesh: &Mesh<'_>, appearance: &Appearance<'_>) {
+        let _state = Standard::set();
         self.appearance.update_normals(mesh, appearance);
     }
 
@@ -371,6 +380,7 @@ impl Tracer {
     /// # Errors
     /// Settings out of range, too many lights, or a scene or picture that does not fit a buffer.
     pub fn plan(&self, request: &FrameRequest<'_>) -> Result<Plan, TracerError> {
+        let _state = Standard::set();
         let FrameRequest { size, settings, outputs, query, .. } = request;
         let shading = self.shading(settings);
         let room = on!(&self.on, on => on.room(shading, query.accuracy));
@@ -386,6 +396,7 @@ impl Tracer {
         mesh: &Mesh<'_>,
         request: &FrameRequest<'_>,
     ) -> Result<Frame<'_>, TracerError> {
+        let _state = Standard::set();
         let input = input(mesh, &self.appearance, request);
         let stats = on!(&mut self.on, on => on.frame(&input))?;
         Ok(Frame { on: &self.on, stats })
@@ -426,6 +437,7 @@ impl Tracer {
         mesh: &Mesh<'_>,
         request: &FrameRequest<'_>,
     ) -> Result<(), TracerError> {
+        let _state = Standard::set();
         let input = input(mesh, &self.appearance, request);
         on!(&mut self.on, on => on.submit_frame(&input))
     }
@@ -441,6 +453,7 @@ impl Tracer {
         request: &FrameRequest<'_>,
         target: &wgpu::Buffer,
     ) -> Result<(), TracerError> {
+        let _state = Standard::set();
         let input = input(mesh, &self.appearance, request);
         match &mut self.on {
             On::Gpu(on) => on.submit_frame_into(&input, target),
@@ -459,6 +472,7 @@ impl Tracer {
     /// # Errors
     /// As for [`Tracer::frame`]; no frame was submitted, or it was given already.
     pub fn finish_frame(&mut self) -> Result<Frame<'_>, TracerError> {
+        let _state = Standard::set();
         let stats = on!(&mut self.on, on => on.finish_frame())?;
         Ok(Frame { on: &self.on, stats })
     }
@@ -478,6 +492,7 @@ impl Tracer {
         request: &FrameRequest<'_>,
         target: &wgpu::Buffer,
     ) -> Result<Frame<'_>, TracerError> {
+        let _state = Standard::set();
         let input = input(mesh, &self.appearance, request);
         let stats = match &mut self.on {
             On::Gpu(on) => on.frame_into(&input, target)?,

@@ -11,6 +11,7 @@ pub use error::AnimationError;
 use super::{Camera, Scene, SceneOptions};
 use obj_folder::ObjFolder;
 use raw_frames::RawFrames;
+use splitplane_float_state::{Standard, standard};
 use std::ffi::OsStr;
 use std::path::Path;
 
@@ -66,6 +67,7 @@ impl Animation {
         frames: Option<&Path>,
         options: &SceneOptions,
     ) -> Result<(Scene, Animation), AnimationError> {
+        let _state = Standard::set();
         let scene = scene.as_ref();
         let (mut scene, source) = match frames {
             None => {
@@ -103,6 +105,7 @@ impl Animation {
     /// There is no such frame, its file cannot be read any more, or the scene is another one. The
     /// scene is then as it was before, or holds part of the frame's positions.
     pub fn set(&mut self, frame: usize, scene: &mut Scene) -> Result<Change, AnimationError> {
+        let _state = Standard::set();
         let frames = self.frames();
         if frame >= frames {
             return Err(AnimationError::NoSuchFrame { frame, frames });
@@ -122,18 +125,18 @@ impl Animation {
 
     /// The camera of a frame, for an animation whose camera moves.
     pub fn camera(&self, frame: usize) -> Option<Camera> {
-        match &self.source {
+        standard(|| match &self.source {
             Source::Raw(source) => source.camera(frame),
             Source::Builtin(_) | Source::Obj(_) => None,
-        }
+        })
     }
 
     /// The time of a frame in seconds, where it is known.
     pub fn time(&self, frame: usize) -> Option<f64> {
-        match &self.source {
+        standard(|| match &self.source {
             Source::Builtin(source) => source.time(frame),
             Source::Obj(_) => None,
             Source::Raw(source) => source.time(frame),
-        }
+        })
     }
 }

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use splitplane_core::ray::Ray;
+use splitplane_float_state::standard;
 use std::ops::Range;
 use thiserror::Error;
 
@@ -56,20 +57,23 @@ impl Camera {
         up: [f32; 3],
         fov_degrees: f32,
     ) -> Result<Camera, CameraError> {
-        let [eye, look_at, up] = [eye, look_at, up].map(|v| DVec3::from_array(v.map(f64::from)));
-        if !(eye.is_finite() && look_at.is_finite() && up.is_finite()) {
-            return Err(CameraError::NotFinite);
-        }
-        if eye == look_at {
-            return Err(CameraError::NoDirection);
-        }
-        if up == DVec3::ZERO {
-            return Err(CameraError::NoUp);
-        }
-        if !(fov_degrees > 0.0 && fov_degrees < 180.0) {
-            return Err(CameraError::FieldOfView);
-        }
-        Ok(Camera { eye, look_at, up, fov_degrees: f64::from(fov_degrees) })
+        standard(|| {
+            let [eye, look_at, up] =
+                [eye, look_at, up].map(|v| DVec3::from_array(v.map(f64::from)));
+            if !(eye.is_finite() && look_at.is_finite() && up.is_finite()) {
+                return Err(CameraError::NotFinite);
+            }
+            if eye == look_at {
+                return Err(CameraError::NoDirection);
+            }
+            if up == DVec3::ZERO {
+                return Err(CameraError::NoUp);
+            }
+            if !(fov_degrees > 0.0 && fov_degrees < 180.0) {
+                return Err(CameraError::FieldOfView);
+            }
+            Ok(Camera { eye, look_at, up, fov_degrees: f64::from(fov_degrees) })
+        })
     }
 
     /// Where the rays start.
@@ -94,8 +98,10 @@ impl Camera {
 
     /// Unit vectors to the right and upwards in the picture.
     pub fn picture_axes(&self) -> [[f32; 3]; 2] {
-        let frame = self.frame();
-        [frame.right, frame.up].map(|v| v.as_vec3().to_array())
+        standard(|| {
+            let frame = self.frame();
+            [frame.right, frame.up].map(|v| v.as_vec3().to_array())
+        })
     }
 
     fn frame(&self) -> Frame {
@@ -114,9 +120,11 @@ impl Camera {
     /// The rays of some rows of a picture of `width` by `height` pixels, from the left end of the
     /// first row on. Rows outside the picture are rays outside the view, not an error.
     pub fn rows(&self, width: u32, height: u32, rows: Range<u32>) -> Vec<Ray> {
-        let centres =
-            rows.flat_map(|y| (0..width).map(move |x| [f64::from(x) + 0.5, f64::from(y) + 0.5]));
-        self.through(width, height, centres)
+        standard(|| {
+            let centres = rows
+                .flat_map(|y| (0..width).map(move |x| [f64::from(x) + 0.5, f64::from(y) + 0.5]));
+            self.through(width, height, centres)
+        })
     }
 
     /// The rays through points of a picture of `width` by `height` pixels: `[0.0, 0.0]` is its top
@@ -127,37 +135,41 @@ impl Camera {
         height: u32,
         points: impl IntoIterator<Item = [f64; 2]>,
     ) -> Vec<Ray> {
-        let frame = self.frame();
-        let tan = (0.5 * self.fov_degrees.to_radians()).tan();
-        let (w, h) = (f64::from(width), f64::from(height));
-        let eye = self.eye();
-        let ray = |[x, y]: [f64; 2]| {
-            let u = (2.0 * x - w) / h * tan;
-            let v = (h - 2.0 * y) / h * tan;
-            let direction = (frame.forward + frame.right * u + frame.up * v).normalize();
-            Ray::new(eye, direction.as_vec3().to_array())
-        };
-        points.into_iter().map(ray).collect()
+        standard(|| {
+            let frame = self.frame();
+            let tan = (0.5 * self.fov_degrees.to_radians()).tan();
+            let (w, h) = (f64::from(width), f64::from(height));
+            let eye = self.eye();
+            let ray = |[x, y]: [f64; 2]| {
+                let u = (2.0 * x - w) / h * tan;
+                let v = (h - 2.0 * y) / h * tan;
+                let direction = (frame.forward + frame.right * u + frame.up * v).normalize();
+                Ray::new(eye, direction.as_vec3().to_array())
+            };
+            points.into_iter().map(ray).collect()
+        })
     }
 
     /// The camera as frames of this size take it.
     pub fn pinhole(&self, size: splitplane_render::Size) -> splitplane_render::Pinhole {
-        let frame = self.frame();
-        let tan = (0.5 * self.fov_degrees.to_radians()).tan();
-        let (w, h) = (f64::from(size.width()), f64::from(size.height()));
-        let step = 2.0 * tan / h;
-        let corner = frame.forward - frame.right * (0.5 * w * step) + frame.up * tan;
-        splitplane_render::Pinhole {
-            eye: self.eye(),
-            corner: corner.as_vec3().to_array(),
-            step_x: (frame.right * step).as_vec3().to_array(),
-            step_y: (frame.up * -step).as_vec3().to_array(),
-        }
+        standard(|| {
+            let frame = self.frame();
+            let tan = (0.5 * self.fov_degrees.to_radians()).tan();
+            let (w, h) = (f64::from(size.width()), f64::from(size.height()));
+            let step = 2.0 * tan / h;
+            let corner = frame.forward - frame.right * (0.5 * w * step) + frame.up * tan;
+            splitplane_render::Pinhole {
+                eye: self.eye(),
+                corner: corner.as_vec3().to_array(),
+                step_x: (frame.right * step).as_vec3().to_array(),
+                step_y: (frame.up * -step).as_vec3().to_array(),
+            }
+        })
     }
 
     /// All rays of a picture of `width` by `height` pixels, row by row from the top left.
     pub fn rays(&self, width: u32, height: u32) -> Vec<Ray> {
-        self.rows(width, height, 0..height)
+        standard(|| self.rows(width, height, 0..height))
     }
 }
 

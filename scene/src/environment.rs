@@ -4,6 +4,7 @@ use crate::from_file::{self, ReadError, quoted_path, quoted_reason};
 use image::ImageDecoder;
 use image::codecs::hdr::HdrDecoder;
 use image::codecs::openexr::OpenExrDecoder;
+use splitplane_float_state::Standard;
 use splitplane_render::{EnvironmentMap, EnvironmentMapError};
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -124,6 +125,7 @@ pub fn read(
     path: &Path,
     options: &EnvironmentOptions,
 ) -> Result<ReadEnvironment, EnvironmentError> {
+    let _state = Standard::set();
     let fail = |problem| EnvironmentError { file: path.to_owned(), problem };
     let limit = options.file_limit.unwrap_or_else(from_file::usual_limit);
     let bytes = from_file::read(path, limit).map_err(|error| {
@@ -146,6 +148,7 @@ pub fn parse(
     bytes: &[u8],
     options: &EnvironmentOptions,
 ) -> Result<ReadEnvironment, EnvironmentProblem> {
+    let _state = Standard::set();
     let (size, mut texels) = if bytes.starts_with(b"#?") {
         hdr(bytes, options.decode_limit)?
     } else if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {

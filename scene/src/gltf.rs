@@ -38,6 +38,7 @@ use crate::mesh_file::{self, Located, MeshFileError, MeshFileProblem, Place, in_
 use crate::{Scene, SceneOptions};
 use gltf_json::validation::{Error, Validate};
 use gltf_json::{Path as JsonPath, Root};
+use splitplane_float_state::Standard;
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -86,6 +87,7 @@ pub(crate) fn is_named_by(path: &Path) -> bool {
 /// # Errors
 /// A file that cannot be read, is no glTF 2.0, or has no triangles.
 pub fn read(path: &Path, options: &SceneOptions) -> Result<InstancedScene, MeshFileError> {
+    let _state = Standard::set();
     parse(&mesh_file::bytes_of(path, options)?, path, options)
 }
 
@@ -98,6 +100,7 @@ pub fn parse(
     path: &Path,
     options: &SceneOptions,
 ) -> Result<InstancedScene, MeshFileError> {
+    let _state = Standard::set();
     scene(bytes, path, options).map_err(in_file(path))
 }
 
@@ -106,6 +109,7 @@ pub fn parse(
 /// # Errors
 /// As for [`read`]; and where all instances together have too many triangles.
 pub fn read_flat(path: &Path, options: &SceneOptions) -> Result<Scene, MeshFileError> {
+    let _state = Standard::set();
     let limit = options.file_limit.unwrap_or_else(from_file::usual_limit);
     read(path, options)?.flatten(limit).map_err(|problem| in_file(path)((None, problem)))
 }

@@ -25,6 +25,7 @@ use splitplane_core::mesh::{Mesh, MeshError};
 use splitplane_core::ray::Culling;
 use splitplane_core::scene::shape::{Capsule, Shapes, Sphere};
 use splitplane_core::scene::{self as objects, GeometryId, InstanceId, OpacityMask, Transform};
+use splitplane_float_state::{Standard, standard};
 use splitplane_render::instances::Geometries;
 use splitplane_render::scene_data::NONE;
 use std::ffi::OsStr;
@@ -168,6 +169,7 @@ impl InstancedScene {
     /// # Errors
     /// No memory for the mask.
     pub fn cut_out(parts: Scene) -> Result<InstancedScene, InstancedError> {
+        let _state = Standard::set();
         let all = 0..parts.indices.len() as u32;
         let runs = [all];
         let mask = match cutout::level(&parts, &runs) {
@@ -194,6 +196,7 @@ impl InstancedScene {
     /// # Errors
     /// Arrays that were changed to something that is not a mesh, a transform without an inverse, or no memory.
     pub fn describe(&self) -> Result<objects::Scene, InstancedError> {
+        let _state = Standard::set();
         let mut scene = objects::Scene::new();
         for geometry in &self.geometries {
             if let Some(solids) = &geometry.solids {
@@ -225,17 +228,19 @@ impl InstancedScene {
     /// A transform without an inverse, as between a key and its reflection; instances that were set before are where they are in
     /// the frame.
     pub fn set(&mut self, frame: u32, scene: &mut objects::Scene) -> Result<u32, InstancedError> {
-        let mut moved = 0;
-        for (name, placed) in self.instances.iter_mut().enumerate() {
-            if placed.keys.is_empty() {
-                continue;
+        standard(|| {
+            let mut moved = 0;
+            for (name, placed) in self.instances.iter_mut().enumerate() {
+                if placed.keys.is_empty() {
+                    continue;
+                }
+                let transform = pose::at(&placed.keys, frame);
+                scene.move_instance(InstanceId(name as u32), transform)?;
+                placed.transform = transform;
+                moved += 1;
             }
-            let transform = pose::at(&placed.keys, frame);
-            scene.move_instance(InstanceId(name as u32), transform)?;
-            placed.transform = transform;
-            moved += 1;
-        }
-        Ok(moved)
+            Ok(moved)
+        })
     }
 
     /// The numbers of the geometries' first triangles among all, and of instances' materials, for
@@ -275,7 +280,7 @@ impl InstancedScene {
     /// A camera and lights for the scene, from outside: its own where it has some, else as for [`Placement::of_with`] around the boxes
     /// of its instances.
     pub fn placement(&self, aspect: f64, lights: usize) -> Placement {
-        placement::outside_of(&boxes::of(self), aspect, lights)
+        standard(|| placement::outside_of(&boxes::of(self), aspect, lights))
     }
 
     /// Whether the scene brings light: lights of its own, instances that shine, or an environment map that does.

@@ -48,6 +48,7 @@ pub use splitplane_render::{Dielectric, EnvironmentMap, Light, Material, Texture
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::mesh::{Mesh, MeshError};
+use splitplane_float_state::Standard;
 #[cfg(feature = "json")]
 use std::collections::HashMap;
 use std::ffi::OsStr;
@@ -230,6 +231,7 @@ impl Scene {
     /// # Errors
     /// There is no such scene, or its file is broken.
     pub fn open_with(spec: impl AsRef<OsStr>, options: &SceneOptions) -> Result<Scene, SceneError> {
+        let _state = Standard::set();
         Scene::open_os(spec.as_ref(), options)
     }
 
@@ -289,6 +291,7 @@ impl Scene {
 
     /// The least box that holds every triangle with finite corners; empty when there is none.
     pub fn bounds(&self) -> Aabb {
+        let _state = Standard::set();
         self.triangles().fold(Aabb::EMPTY, |bounds, corners| {
             if corners.as_flattened().iter().all(|x| x.is_finite()) {
                 bounds.union(&Aabb::of_points(&corners))

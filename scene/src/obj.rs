@@ -26,6 +26,7 @@ use super::MaterialRule;
 use super::{Scene, SceneOptions};
 use crate::budget::Budget;
 use crate::from_file::{self, ReadError};
+use splitplane_float_state::Standard;
 use std::path::Path;
 
 /// Reads an OBJ file and the .mtl files it names. A missing or broken .mtl file is a warning in
@@ -44,6 +45,7 @@ pub fn read(path: &Path) -> Result<Scene, ObjError> {
 /// # Errors
 /// As [`read`].
 pub fn read_with(path: &Path, options: &SceneOptions) -> Result<Scene, ObjError> {
+    let _state = Standard::set();
     read_within(path, options, &Budget::unlimited())
 }
 
@@ -77,6 +79,7 @@ pub(crate) fn read_within(
 /// # Errors
 /// The text is not OBJ; `name` names the file in the error.
 pub fn parse(text: &str, name: &str) -> Result<Scene, ObjError> {
+    let _state = Standard::set();
     let located = |(line, problem)| ObjError { file: name.into(), line, problem };
     let budget = Budget::unlimited();
     Ok(reader::read(text, name, Scene::default(), &budget).map_err(located)?.0)

@@ -4,6 +4,7 @@
 use super::instanced;
 use super::instanced::is_saved;
 use super::{InstancedScene, SceneError, SceneOptions, builtin, quoted_spec};
+use splitplane_float_state::Standard;
 use std::ffi::OsStr;
 use std::path::Path;
 
@@ -39,6 +40,7 @@ impl InstancedScene {
         spec: impl AsRef<OsStr>,
         options: &SceneOptions,
     ) -> Result<InstancedScene, SceneError> {
+        let _state = Standard::set();
         let spec = spec.as_ref();
         if let Some(name) = spec.to_str().and_then(|spec| spec.strip_prefix("builtin:")) {
             return Ok(builtin::open_instanced(name)?);

@@ -10,6 +10,7 @@ use splitplane_core::backend::Accelerator;
 use splitplane_core::error::QueryError;
 use splitplane_core::random::unit;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_float_state::standard;
 
 /// A camera and lights for a scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,7 +68,7 @@ impl Placement {
         accelerator: &dyn Accelerator,
         aspect: f64,
     ) -> Result<Placement, QueryError> {
-        Placement::of_with(scene, accelerator, aspect, 1)
+        standard(|| Placement::of_with(scene, accelerator, aspect, 1))
     }
 
     /// A camera and lights for the scene.
@@ -98,33 +99,35 @@ impl Placement {
         aspect: f64,
         lights: usize,
     ) -> Result<Placement, QueryError> {
-        let is_lit = scene.is_lit();
-        let interior = is_interior(scene, accelerator)?;
-        if let (Some(camera), true) = (scene.camera, is_lit) {
-            let (lights, view) = (scene.lights.clone(), View::Given);
-            return Ok(Placement { camera, lights, view, inside: interior });
-        }
-        let lights = lights.clamp(1, Placement::MAX_LIGHTS);
-        let inner = match scene.camera {
-            Some(camera) if interior => Some(camera),
-            None if interior => inside::camera(scene, accelerator)?,
-            _ => None,
-        };
-        let (camera, view, placed) = match inner {
-            Some(camera) if is_lit => (camera, View::Inside, Vec::new()),
-            Some(camera) => {
-                (camera, View::Inside, inside::lights(scene, accelerator, &camera, lights)?)
+        standard(|| {
+            let is_lit = scene.is_lit();
+            let interior = is_interior(scene, accelerator)?;
+            if let (Some(camera), true) = (scene.camera, is_lit) {
+                let (lights, view) = (scene.lights.clone(), View::Given);
+                return Ok(Placement { camera, lights, view, inside: interior });
             }
-            None => {
-                let outer = outside::camera(scene, aspect);
-                (outer, View::Outside, outside::lights(&outer, lights))
-            }
-        };
-        Ok(Placement {
-            camera: scene.camera.unwrap_or(camera),
-            lights: if is_lit { scene.lights.clone() } else { placed },
-            view: if scene.camera.is_some() { View::Given } else { view },
-            inside: interior,
+            let lights = lights.clamp(1, Placement::MAX_LIGHTS);
+            let inner = match scene.camera {
+                Some(camera) if interior => Some(camera),
+                None if interior => inside::camera(scene, accelerator)?,
+                _ => None,
+            };
+            let (camera, view, placed) = match inner {
+                Some(camera) if is_lit => (camera, View::Inside, Vec::new()),
+                Some(camera) => {
+                    (camera, View::Inside, inside::lights(scene, accelerator, &camera, lights)?)
+                }
+                None => {
+                    let outer = outside::camera(scene, aspect);
+                    (outer, View::Outside, outside::lights(&outer, lights))
+                }
+            };
+            Ok(Placement {
+                camera: scene.camera.unwrap_or(camera),
+                lights: if is_lit { scene.lights.clone() } else { placed },
+                view: if scene.camera.is_some() { View::Given } else { view },
+                inside: interior,
+            })
         })
     }
 }

@@ -18,6 +18,7 @@ pub use write::{Encoding, points_to_bytes, to_bytes};
 
 use crate::mesh_file::{self, MeshFileError, MeshFileProblem, in_file};
 use crate::{Scene, SceneOptions};
+use splitplane_float_state::Standard;
 use std::path::Path;
 
 /// Reads a file of a mesh.
@@ -25,6 +26,7 @@ use std::path::Path;
 /// # Errors
 /// The file cannot be read, is no PLY file, or has no triangles.
 pub fn read(path: &Path, options: &SceneOptions) -> Result<Scene, MeshFileError> {
+    let _state = Standard::set();
     parse(&mesh_file::bytes_of(path, options)?, path)
 }
 
@@ -33,6 +35,7 @@ pub fn read(path: &Path, options: &SceneOptions) -> Result<Scene, MeshFileError>
 /// # Errors
 /// As for [`read`].
 pub fn parse(bytes: &[u8], path: &Path) -> Result<Scene, MeshFileError> {
+    let _state = Standard::set();
     let scene = reader::mesh(bytes, &mesh_file::name_of(path)).map_err(in_file(path))?;
     match scene.indices.is_empty() {
         true => Err(in_file(path)((None, MeshFileProblem::NoTriangles))),
@@ -46,6 +49,7 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<Scene, MeshFileError> {
 /// # Errors
 /// The file cannot be read, is no PLY file, or has no vertices.
 pub fn read_points(path: &Path, options: &SceneOptions) -> Result<Vec<[f32; 3]>, MeshFileError> {
+    let _state = Standard::set();
     parse_points(&mesh_file::bytes_of(path, options)?, path)
 }
 
@@ -54,6 +58,7 @@ pub fn read_points(path: &Path, options: &SceneOptions) -> Result<Vec<[f32; 3]>,
 /// # Errors
 /// As for [`read_points`].
 pub fn parse_points(bytes: &[u8], path: &Path) -> Result<Vec<[f32; 3]>, MeshFileError> {
+    let _state = Standard::set();
     let points = reader::points(bytes).map_err(in_file(path))?;
     match points.is_empty() {
         true => Err(in_file(path)((None, MeshFileProblem::NoPoints))),

@@ -14,6 +14,7 @@ use crate::from_file::quoted_word;
 use crate::mesh_file::{self, Located, MeshFileError, MeshFileProblem, Place, in_file, room};
 use crate::{Group, Material, Scene, SceneOptions};
 use splitplane_core::mesh::MAX_TRIANGLES;
+use splitplane_float_state::Standard;
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -26,6 +27,7 @@ const TRIANGLE: usize = 50;
 /// # Errors
 /// The file cannot be read, is no STL file, or has no triangles.
 pub fn read(path: &Path, options: &SceneOptions) -> Result<Scene, MeshFileError> {
+    let _state = Standard::set();
     parse(&mesh_file::bytes_of(path, options)?, path)
 }
 
@@ -34,6 +36,7 @@ pub fn read(path: &Path, options: &SceneOptions) -> Result<Scene, MeshFileError>
 /// # Errors
 /// As for [`read`].
 pub fn parse(bytes: &[u8], path: &Path) -> Result<Scene, MeshFileError> {
+    let _state = Standard::set();
     let mut weld = Weld::default();
     weld.scene.name = mesh_file::name_of(path);
     let done = match (announced(bytes), bytes.trim_ascii_start()) {

@@ -5,6 +5,9 @@
 // above a block is one word in the memory of the workgroup: of a far side that is yet to be visited the bound, and of one that
 // it is on what the gap along the plane's axis was before.
 //
+// Where the bounds of both sides are equal, the side with the lowest index comes first, and a side whose bound equals the distance that still
+// counts is left out where no index in it is low enough. Points in one place need that: see core/src/points/summary.rs.
+//
 // What is done with points stands in another part: the function `visit`, which gets a place whose squared distance counts
 // and the bits of that, and may lower `stop`.
 
@@ -17,8 +20,11 @@ struct PointBatch {
     filtered: u32,
     zero: u32,
     padding: u32,
+    lower: vec4<u32>,
+    upper: vec4<u32>,
 }
 
+// The plane of each node, and its mark: the axis, whether all points are in one place, and the least index rounded down.
 @group(0) @binding(0) var<storage, read> nodes: array<vec2<u32>>;
 @group(0) @binding(1) var<storage, read> points: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> allowed: array<u32>;
@@ -32,6 +38,10 @@ const LANES: u32 = 64u;
 const LEVELS: u32 = 26u;
 const ALL_LEVELS: u32 = (1u << LEVELS) - 1u;
 const SLOTS: u32 = LANES * LEVELS;
+// The parts of a node's mark.
+const MARK_AXIS: u32 = 3u;
+const MARK_ONE_PLACE: u32 = 4u;
+const MARK_LEAST: u32 = 0xfffffff8u;
 // In place of the number of points, or of the bits of the first distance: the driver did not let the query finish.
 const POINT_BATCH_ENDED_EARLY: u32 = 0xffffffffu;
 
@@ -92,6 +102,38 @@ fn gap_to(own: f32, plane: f32) -> f32 {
     return difference(select(own, plane, is_left), select(plane, own, is_left));
 }
 
+// How far a coordinate is from a range.
+fn gap_outside(own: f32, lower: u32, upper: u32) -> f32 {
+    let below = difference(bitcast<f32>(lower), own);
+    let above = difference(own, bitcast<f32>(upper));
+    return most(most(below, above), 0.0);
+}
+
+// How far a query is from the box around all points along each axis.
+fn first_gaps(query: vec4<f32>) -> vec4<f32> {
+    let lower = point_batch.lower;
+    let upper = point_batch.upper;
+    return vec4<f32>(
+        gap_outside(query.x, lower.x, upper.x),
+        gap_outside(query.y, lower.y, upper.y),
+        gap_outside(query.z, lower.z, upper.z),
+        gap_outside(query.w, lower.w, upper.w),
+    );
+}
+
+// An index that none of the subtree of this height which begins at a block is below; 0 for a block.
+fn least_index(block: u32, above: u32, blocks: u32) -> u32 {
+    var height = above;
+    while height > 0u {
+        height -= 1u;
+        let right = block + (1u << height);
+        if right < blocks {
+            return nodes[right - 1u].y & MARK_LEAST;
+        }
+    }
+    return 0u;
+}
+
 // The block at which the node of this height around a block is divided.
 fn middle_above(block: u32, height: u32) -> u32 {
     return (((block >> height) << 1u) | 1u) << (height - 1u);
@@ -117,26 +159,42 @@ fn walk_points(query: vec4<f32>) -> bool {
     let blocks = (point_batch.points + POINT_BLOCK - 1u) / POINT_BLOCK;
     var height = point_batch.height;
     var block = 0u;
-    // How far the space of the node is from the query along each axis, at least.
-    var gaps = vec4<f32>(0.0);
-    // Levels with a far side that is yet to be visited, and those on whose far side the walk is.
+    // How far the space of the node is from the query along each axis, at least, and the bits of the bound that follows.
+    var gaps = first_gaps(query);
+    var own_bound = bitcast<u32>(sum_of_squares(gaps));
+    if own_bound > stop.x {
+        return true;
+    }
+    // Levels with a side that is yet to be visited, those on whose second side the walk is, and those where the right side came first.
     var waiting = 0u;
     var crossed = 0u;
+    var went_right = 0u;
     loop {
         if height > 0u {
             height -= 1u;
             let right = block + (1u << height);
             if right < blocks {
                 let node = nodes[right - 1u];
+                let axis = node.y & MARK_AXIS;
                 let plane = bitcast<f32>(node.x);
-                let own = along(query, node.y);
-                let far = most(along(gaps, node.y), gap_to(own, plane));
-                let bound = bitcast<u32>(sum_of_squares(with_along(gaps, node.y, far)));
+                let own = along(query, axis);
+                let far = most(along(gaps, axis), gap_to(own, plane));
+                var bound = bitcast<u32>(sum_of_squares(with_along(gaps, axis, far)));
+                if (node.y & MARK_ONE_PLACE) != 0u {
+                    bound = bitcast<u32>(distance_squared(query, points[block * POINT_BLOCK]));
+                    own_bound = bound;
+                }
+                var left_first = own < plane;
+                if bound == own_bound {
+                    left_first = least_index(block, height, blocks) <= least_index(right, height, blocks);
+                }
+                let bit = 1u << height;
+                went_right = select(went_right | bit, went_right & ~bit, left_first);
                 if bound <= stop.x {
                     level_words[height * LANES + own_lane] = bound;
-                    waiting |= 1u << height;
+                    waiting |= bit;
                 }
-                block = select(right, block, own < plane);
+                block = select(right, block, left_first);
             }
             continue;
         }
@@ -148,36 +206,50 @@ fn walk_points(query: vec4<f32>) -> bool {
                 visit(place, bits);
             }
         }
-        // The lowest level whose far side may still hold something.
+        // The lowest level whose second side may still hold something.
         var level = LEVELS;
         while (waiting & ALL_LEVELS) != 0u {
             let lowest = firstTrailingBit(waiting);
             waiting &= waiting - 1u;
-            if level_words[lowest * LANES + own_lane] <= stop.x {
+            own_bound = level_words[lowest * LANES + own_lane];
+            if own_bound < stop.x {
                 level = lowest;
                 break;
+            }
+            if own_bound == stop.x {
+                let middle = middle_above(block, lowest + 1u);
+                let is_right = ((went_right >> lowest) & 1u) == 0u;
+                let second = select(middle - (1u << lowest), middle, is_right);
+                if least_index(second, lowest, blocks) < stop.y {
+                    level = lowest;
+                    break;
+                }
             }
         }
         if level == LEVELS {
             break;
         }
-        // Back from the far sides below it.
+        // Back from the second sides below it.
         let below = (1u << level) - 1u;
         while (crossed & below) != 0u {
             let lowest = firstTrailingBit(crossed);
             crossed &= crossed - 1u;
-            let axis = nodes[middle_above(block, lowest + 1u) - 1u].y;
+            let axis = nodes[middle_above(block, lowest + 1u) - 1u].y & MARK_AXIS;
             gaps = with_along(gaps, axis, bitcast<f32>(level_words[lowest * LANES + own_lane]));
         }
         let middle = middle_above(block, level + 1u);
         let node = nodes[middle - 1u];
+        let axis = node.y & MARK_AXIS;
         let plane = bitcast<f32>(node.x);
-        let own = along(query, node.y);
-        let before = along(gaps, node.y);
+        let own = along(query, axis);
+        let before = along(gaps, axis);
+        let is_right = ((went_right >> level) & 1u) == 0u;
         level_words[level * LANES + own_lane] = bitcast<u32>(before);
-        gaps = with_along(gaps, node.y, most(before, gap_to(own, plane)));
+        // The side that came second is not the far one where bounds were equal.
+        let is_far = (own < plane) == is_right;
+        gaps = with_along(gaps, axis, select(before, most(before, gap_to(own, plane)), is_far));
         crossed |= 1u << level;
-        block = select(middle - (1u << level), middle, own < plane);
+        block = select(middle - (1u << level), middle, is_right);
         height = level;
     }
     // Some drivers end loops that run long: Mesa's llvmpipe after 65,535 rounds of all loops of an invocation.

@@ -7,6 +7,7 @@ use splitplane_core::backend::scene::{
 use splitplane_core::query::inside::{LocateOptions, Located};
 use splitplane_core::query::overlap::Volume;
 use splitplane_core::report::QueryReport;
+use splitplane_float_state::Standard;
 
 impl LazyScene {
     /// How often surfaces wind around each point: see [`locate`](splitplane_core::backend::scene::SceneAccelerator::locate). Builds everything: points have no way that could
@@ -19,6 +20,7 @@ impl LazyScene {
         points: &[[f32; 3]],
         options: &LocateOptions<'_>,
     ) -> Result<Located, LazyError> {
+        let _state = Standard::set();
         self.complete(options.watch)?;
         Ok(self.state().accelerator.locate(points, options)?)
     }
@@ -33,6 +35,7 @@ impl LazyScene {
         closest: &mut [SceneClosestPoint],
         options: &SceneClosestPointOptions<'_>,
     ) -> Result<QueryReport, LazyError> {
+        let _state = Standard::set();
         self.complete(options.watch)?;
         Ok(self.state().accelerator.closest_points(points, closest, options)?)
     }
@@ -46,6 +49,7 @@ impl LazyScene {
         volumes: &[Volume<'_>],
         options: &SceneOverlapOptions<'_>,
     ) -> Result<SceneOverlaps, LazyError> {
+        let _state = Standard::set();
         self.complete(options.watch)?;
         Ok(self.state().accelerator.overlaps(volumes, options)?)
     }
@@ -61,6 +65,7 @@ impl LazyScene {
         found: &mut [bool],
         options: &SceneOverlapOptions<'_>,
     ) -> Result<(), LazyError> {
+        let _state = Standard::set();
         self.complete(options.watch)?;
         Ok(self.state().accelerator.overlaps_any(volumes, found, options)?)
     }

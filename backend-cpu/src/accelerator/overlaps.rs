@@ -7,6 +7,7 @@ use splitplane_core::query::closest_point::check_lengths;
 use splitplane_core::query::overlap::{OverlapOptions, Overlaps, Region, Volume};
 use splitplane_core::report::QueryReport;
 use splitplane_core::watch::Stage;
+use splitplane_float_state::Standard;
 
 use super::CpuAccelerator;
 use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
@@ -36,7 +37,7 @@ impl CpuAccelerator {
                 }
                 let left = options.max_memory.map(|limit| limit.saturating_sub(held.load(Relaxed)));
                 let own = OverlapOptions { max_memory: left, ..*options };
-                let found = self.overlapping(volume, false, &own)?;
+                let found = self.overlapping(volume, false, &own, meter)?;
                 let before = part.bytes();
                 part.push(found, None)?;
                 held.fetch_add(part.bytes() - before, Relaxed);
@@ -70,7 +71,7 @@ impl CpuAccelerator {
                     if meter.is_cancelled() {
                         break;
                     }
-                    *found = !self.overlapping(volume, true, options)?.is_empty();
+                    *found = !self.overlapping(volume, true, options, meter)?.is_empty();
                     meter.advance(1);
                     meter.record_work(WORK_BETWEEN_CHECKS);
                 }
@@ -86,10 +87,12 @@ impl CpuAccelerator {
         volume: &Volume<'_>,
         any: bool,
         options: &OverlapOptions<'_>,
+        meter: &ProgressMeter<'_>,
     ) -> Result<Vec<u32>, QueryError> {
+        let _state = Standard::set();
         let found = Vec::new();
         let Some(region) = Region::new(volume)? else { return Ok(found) };
-        let mut visitor = Overlapping { region, any, options, found };
+        let mut visitor = Overlapping { region, any, options, meter, found };
         let walk = Walk { layout: &self.layout, visitor: &mut visitor };
         // SAFETY: `set` was detected on this processor, and the layout made for it.
         unsafe { self.set.run(walk) }?;

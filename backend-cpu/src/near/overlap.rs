@@ -7,6 +7,7 @@ use splitplane_core::query::overlap::{OverlapOptions, Region, add};
 use splitplane_core::triangle::Triangle;
 
 use super::cells::CellVisitor;
+use crate::cancel::ProgressMeter;
 
 /// Looks for the triangles that a volume meets.
 pub(crate) struct Overlapping<'a> {
@@ -14,20 +15,27 @@ pub(crate) struct Overlapping<'a> {
     /// Whether one triangle is enough.
     pub any: bool,
     pub options: &'a OverlapOptions<'a>,
+    /// Told of the work within a volume, which may be of many planes.
+    pub meter: &'a ProgressMeter<'a>,
     /// In any order, some more than once.
     pub found: Vec<u32>,
 }
 
 impl CellVisitor for Overlapping<'_> {
     fn bound(&self, cell: &Aabb) -> Option<f64> {
+        // A few planes take as long as a reference; other volumes count as nothing here.
+        self.meter.record_work(self.region.work() / 4);
         self.region.may_meet(cell).then_some(0.0)
     }
 
     fn is_open(&self, _: f64) -> bool {
-        true
+        !self.meter.is_cancelled()
     }
 
     fn test(&mut self, corners: &Triangle, triangle: u32) -> Result<bool, QueryError> {
+        if self.meter.record_work(self.region.work() / 4) {
+            return Ok(false);
+        }
         if self.options.ignore == Some(triangle) || !self.region.meets(corners) {
             return Ok(true);
         }

@@ -6,6 +6,7 @@ use splitplane_core::error::{QueryError, check_bytes, refused};
 use splitplane_core::points::lists::NeighbourLists;
 use splitplane_core::points::nearest::{NearestOptions, Neighbour, first_stop};
 use splitplane_core::watch::Stage;
+use splitplane_float_state::standard;
 
 use super::search::{NO_FRAMES, Visitor};
 use super::tree::CpuPointTree;
@@ -159,6 +160,16 @@ impl<const N: usize> CpuPointTree<N> {
         if meter.is_cancelled() {
             return Ok(Vec::new());
         }
+        standard(|| self.list_in_state(query, options, room, meter))
+    }
+
+    fn list_in_state(
+        &self,
+        query: [f32; N],
+        options: &NearestOptions<'_>,
+        room: impl Room,
+        meter: &ProgressMeter<'_>,
+    ) -> Result<Vec<Neighbour>, QueryError> {
         let stop = first_stop(self.tree().unit(), query, options.max_distance);
         let filter = options.filter;
         let mut list =

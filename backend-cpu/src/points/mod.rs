@@ -1,6 +1,8 @@
 //! Point trees on CPU cores: built in parallel, searched by vectors.
 
 mod columns;
+#[cfg(test)]
+mod counted;
 mod divide;
 mod few;
 mod gather;

@@ -3,9 +3,13 @@
 //! Distances and bounds are those of [`splitplane_core::points::distance`], operation by operation; so each search gives the
 //! reference's points, bit for bit.
 //!
+//! Where bounds are equal the child with the lowest index comes first, and one that equals the distance that still counts is passed over where no
+//! index in it is low enough: see [`splitplane_core::points::summary`].
+//!
 //! Several searches go down to their first blocks side by side: each step of one waits for the step before, and none for another search.
 
 use splitplane_core::points::distance::{distance_of, key};
+use splitplane_core::points::tree::PointTree;
 
 use super::layout::{LEVELS, Line, PointLayout, WIDTH};
 use crate::simd::{Compiled, Simd};
@@ -59,11 +63,44 @@ pub(super) type Frames = [Frame; LEVELS];
 pub(super) const NO_FRAMES: Frames =
     [Frame { squared: Line([0.0; WIDTH]), left: 0, node: 0 }; LEVELS];
 
-/// What is searched: the layout of a tree, and the indices of its points.
+/// What is searched: the layout of a tree, and the tree.
 #[derive(Clone, Copy)]
 pub(super) struct Searched<'a, const N: usize> {
     pub layout: &'a PointLayout<N>,
-    pub indices: &'a [u32],
+    pub tree: &'a PointTree<N>,
+}
+
+impl<const N: usize> Searched<'_, N> {
+    /// Of the children of a wide node whose bounds are all `squared`, the one with the lowest index, if that may be below `stop`; it is
+    /// then no longer left. No child that is left has a lower bound.
+    #[cold]
+    #[inline(never)]
+    fn first_of_tied(
+        &self,
+        frame: &mut Frame,
+        level: usize,
+        mut tied: u32,
+        squared: f32,
+        stop: u64,
+    ) -> Option<usize> {
+        let (mut best, mut least) = (WIDTH, u32::MAX);
+        while tied != 0 {
+            let lane = tied.trailing_zeros() as usize;
+            tied &= tied - 1;
+            let block = (frame.node * WIDTH + lane) << (4 * level);
+            let own = self.tree.least_index(block, 4 * level as u32);
+            if best == WIDTH || own < least {
+                (best, least) = (lane, own);
+            }
+        }
+        if key(squared, least) >= stop {
+            // All others have a greater key.
+            frame.left = 0;
+            return None;
+        }
+        frame.left &= !(1 << best);
+        Some(best)
+    }
 }
 
 /// Shows points to a visitor until none is left that may be of interest.
@@ -88,7 +125,7 @@ impl<const N: usize, V: Visitor> Compiled for Search<'_, N, V> {
         let top = levels - 1;
         // SAFETY: the caller's contract.
         unsafe {
-            let next = enter::<S, N, V>(searched.layout, &query, visitor, top, 0, &mut frames[top]);
+            let next = enter::<S, N, V>(searched, &query, visitor, top, 0, &mut frames[top]);
             go_on::<S, N, V>(searched, &query, visitor, frames, top, next);
         }
     }
@@ -129,9 +166,8 @@ impl<const N: usize, V: Visitor> Compiled for GroupSearch<'_, N, V> {
                 let node = if above == levels { 0 } else { frames[above].node * WIDTH + lane };
                 let frame = &mut frames[level];
                 // SAFETY: the caller's contract.
-                let next = unsafe {
-                    enter::<S, N, V>(searched.layout, query, visitor, level, node, frame)
-                };
+                let next =
+                    unsafe { enter::<S, N, V>(searched, query, visitor, level, node, frame) };
                 *place = (level, next);
             }
         }
@@ -142,8 +178,8 @@ impl<const N: usize, V: Visitor> Compiled for GroupSearch<'_, N, V> {
                 // SAFETY: the caller's contract.
                 unsafe {
                     visit::<S, N, V>(searched, query, visitor, block);
-                    let stop = distance_of(visitor.stop());
-                    *place = (0, nearest_left::<S>(&mut frames[0], stop));
+                    let next = nearest_left::<S, N>(searched, &mut frames[0], 0, visitor.stop());
+                    *place = (0, next);
                 }
             }
         }
@@ -178,7 +214,9 @@ unsafe fn go_on<S: Simd, const N: usize, V: Visitor>(
             }
             level += 1;
             // SAFETY: the caller's contract.
-            next = unsafe { nearest_left::<S>(&mut frames[level], distance_of(visitor.stop())) };
+            next = unsafe {
+                nearest_left::<S, N>(searched, &mut frames[level], level, visitor.stop())
+            };
             continue;
         };
         let child = frames[level].node * WIDTH + lane;
@@ -187,41 +225,46 @@ unsafe fn go_on<S: Simd, const N: usize, V: Visitor>(
             if level > 0 {
                 level -= 1;
                 let frame = &mut frames[level];
-                enter::<S, N, V>(searched.layout, query, visitor, level, child, frame)
+                enter::<S, N, V>(searched, query, visitor, level, child, frame)
             } else {
                 visit::<S, N, V>(searched, query, visitor, child);
-                nearest_left::<S>(&mut frames[level], distance_of(visitor.stop()))
+                nearest_left::<S, N>(searched, &mut frames[level], level, visitor.stop())
             }
         };
     }
 }
 
-/// The nearest child that is left, if it is near enough; it is then no longer left.
+/// The nearest child that is left, if it may hold a key below `stop`; it is then no longer left.
 ///
 /// # Safety
 /// The processor must have the set.
 #[cfg_attr(not(unoptimised), inline(always))]
-unsafe fn nearest_left<S: Simd>(frame: &mut Frame, stop: f32) -> Option<usize> {
+unsafe fn nearest_left<S: Simd, const N: usize>(
+    searched: Searched<'_, N>,
+    frame: &mut Frame,
+    level: usize,
+    stop: u64,
+) -> Option<usize> {
     if frame.left == 0 {
         return None;
     }
+    let farthest = distance_of(stop);
     // SAFETY: the caller's contract; a line has sixteen numbers.
     unsafe {
         if S::N == WIDTH {
             let squared = S::load(frame.squared.0.as_ptr());
-            frame.left &= S::bits(S::le(squared, S::splat(stop)));
+            frame.left &= S::bits(S::le(squared, S::splat(farthest)));
             if frame.left == 0 {
                 return None;
             }
-            let lane = least_of::<S>(frame.left, squared);
-            frame.left &= !(1 << lane);
-            return Some(lane);
+            let tied = least_of::<S>(frame.left, squared);
+            return first_of::<N>(searched, frame, level, tied, stop);
         }
         let nothing = S::splat(f32::INFINITY);
         let (mut least, mut near) = (nothing, 0);
         for first in (0..WIDTH).step_by(S::N) {
             let squared = S::load(frame.squared.0.as_ptr().add(first));
-            let here = S::and(S::mask(frame.left >> first), S::le(squared, S::splat(stop)));
+            let here = S::and(S::mask(frame.left >> first), S::le(squared, S::splat(farthest)));
             near |= S::bits(here) << first;
             least = S::min(least, S::select(here, squared, nothing));
         }
@@ -235,22 +278,38 @@ unsafe fn nearest_left<S: Simd>(frame: &mut Frame, stop: f32) -> Option<usize> {
             nearest |= S::bits(S::le(squared, at)) << first;
         }
         // None of those that are left is less.
-        let lane = (nearest & near).trailing_zeros() as usize;
-        frame.left &= !(1 << lane);
-        Some(lane)
+        first_of::<N>(searched, frame, level, nearest & near, stop)
     }
 }
 
-/// The first of these lanes that has the least number of theirs.
+/// The first to follow of children that are left, whose bounds are equal and the least.
+#[inline(always)]
+fn first_of<const N: usize>(
+    searched: Searched<'_, N>,
+    frame: &mut Frame,
+    level: usize,
+    tied: u32,
+    stop: u64,
+) -> Option<usize> {
+    let lane = tied.trailing_zeros() as usize;
+    let squared = frame.squared.0[lane % WIDTH];
+    if tied & (tied - 1) != 0 || squared == distance_of(stop) {
+        return searched.first_of_tied(frame, level, tied, squared, stop);
+    }
+    frame.left &= !(1 << lane);
+    Some(lane)
+}
+
+/// The lanes of these that have the least number of theirs.
 ///
 /// # Safety
 /// The processor must have the set.
 #[cfg_attr(not(unoptimised), inline(always))]
-unsafe fn least_of<S: Simd>(of: u32, squared: S::Floats) -> usize {
+unsafe fn least_of<S: Simd>(of: u32, squared: S::Floats) -> u32 {
     // SAFETY: the caller's contract.
     let least = unsafe { S::least(of, squared) } & of;
     // Where all are infinite none may be the least.
-    (if least == 0 { of } else { least }).trailing_zeros() as usize
+    if least == 0 { of } else { least }
 }
 
 /// Measures the children of a wide node; the nearest one, if it is near enough, is then no longer left.
@@ -259,13 +318,14 @@ unsafe fn least_of<S: Simd>(of: u32, squared: S::Floats) -> usize {
 /// The processor must have the set.
 #[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn enter<S: Simd, const N: usize, V: Visitor>(
-    layout: &PointLayout<N>,
+    searched: Searched<'_, N>,
     query: &[f32; N],
     visitor: &V,
     level: usize,
     node: usize,
     frame: &mut Frame,
 ) -> Option<usize> {
+    let layout = searched.layout;
     let children = match level {
         0 => layout.blocks,
         _ => layout.levels[level - 1].len(),
@@ -292,19 +352,18 @@ unsafe fn enter<S: Simd, const N: usize, V: Visitor>(
             if S::N == WIDTH {
                 // As `nearest_left`, without waiting for the store.
                 left &= 0xffff >> (WIDTH - there);
+                frame.left = left;
                 if left == 0 {
-                    frame.left = 0;
                     return None;
                 }
-                let lane = least_of::<S>(left, sum);
-                frame.left = left & !(1 << lane);
-                return Some(lane);
+                let tied = least_of::<S>(left, sum);
+                return first_of::<N>(searched, frame, level, tied, visitor.stop());
             }
         }
     }
     frame.left = left & (0xffff >> (WIDTH - there));
     // SAFETY: the caller's contract.
-    unsafe { nearest_left::<S>(frame, distance_of(visitor.stop())) }
+    unsafe { nearest_left::<S, N>(searched, frame, level, visitor.stop()) }
 }
 
 /// Shows the points of a block.
@@ -318,8 +377,8 @@ unsafe fn visit<S: Simd, const N: usize, V: Visitor>(
     visitor: &mut V,
     block: usize,
 ) {
-    let Searched { layout, indices } = searched;
-    let indices = &indices[block * WIDTH..];
+    let layout = searched.layout;
+    let indices = &searched.tree.indices()[block * WIDTH..];
     let there = 0xffff >> (WIDTH - indices.len().min(WIDTH));
     let mut row = Line([0.0; WIDTH]);
     for first in (0..WIDTH).step_by(S::N) {

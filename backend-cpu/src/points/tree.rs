@@ -9,6 +9,7 @@ use splitplane_core::points::nearest::{NearestOptions, Neighbour, first_stop};
 use splitplane_core::points::tree::{BLOCK, PointNode, PointTree, height};
 use splitplane_core::query::closest_point::check_lengths;
 use splitplane_core::watch::{Progress, Stage};
+use splitplane_float_state::Standard;
 
 use super::columns::Columns;
 use super::divide::{Divide, Finish, Work};
@@ -71,6 +72,7 @@ impl<const N: usize> CpuPointTree<N> {
         options: &PointOptions<'_>,
         set: InstructionSet,
     ) -> Result<CpuPointTree<N>, PointBuildError> {
+        let _state = Standard::set();
         let meter = &ProgressMeter::of(options.watch);
         let survey = Survey::of(points)?;
         let total = survey.kept();
@@ -132,6 +134,7 @@ impl<const N: usize> CpuPointTree<N> {
         tree: PointTree<N>,
         max_memory: Option<u64>,
     ) -> Result<CpuPointTree<N>, PointBuildError> {
+        let _state = Standard::set();
         let needed = bytes::<N>(tree.len());
         if let Some(limit) = max_memory.filter(|&limit| needed > limit) {
             return Err(PointBuildError::OutOfMemory { needed, limit });
@@ -201,6 +204,7 @@ impl<const N: usize> CpuPointTree<N> {
         meter: &ProgressMeter<'_>,
         bytes: u64,
     ) -> Result<(), QueryError> {
+        let _state = Standard::set();
         let refused = |_| refused(bytes);
         let k = options.k;
         let mut collector = Collector::new(k, self.tree.len()).map_err(refused)?;
@@ -302,7 +306,7 @@ impl<const N: usize> CpuPointTree<N> {
     }
 
     fn searched(&self) -> Searched<'_, N> {
-        Searched { layout: &self.layout, indices: self.tree.indices() }
+        Searched { layout: &self.layout, tree: &self.tree }
     }
 
     /// The box around all points, in the caller's unit, about.
@@ -333,7 +337,9 @@ const _: () = assert!(WIDTH.pow(LEVELS as u32) >= (1 << 30) / WIDTH);
 fn bytes<const N: usize>(points: usize) -> u64 {
     let nodes = points.div_ceil(BLOCK).saturating_sub(1) * size_of::<PointNode>();
     let each = size_of::<[f32; N]>() + size_of::<u32>();
-    PointLayout::<N>::bytes(points) + (points * each + nodes) as u64
+    PointLayout::<N>::bytes(points)
+        + PointTree::<N>::summary_bytes(points)
+        + (points * each + nodes) as u64
 }
 
 /// Bytes of a build: besides, a second column of indices, and the rest of the last block.
@@ -344,6 +350,7 @@ fn build_bytes<const N: usize>(points: usize) -> u64 {
 
 /// Builds a subtree, the children of large nodes side by side.
 fn grow<const N: usize>(work: Work<'_, N>, set: InstructionSet, meter: &ProgressMeter<'_>) {
+    let _state = Standard::set();
     if meter.is_cancelled() {
         return;
     }

@@ -4,9 +4,10 @@ use splitplane_core::backend::scene::{SceneOverlapOptions, SceneOverlaps};
 use splitplane_core::error::QueryError;
 use splitplane_core::query::closest_point::check_lengths;
 use splitplane_core::query::overlap::Volume;
-use splitplane_core::watch::Stage;
+use splitplane_core::watch::{Stage, Watch};
+use splitplane_float_state::Standard;
 
-use super::CpuScene;
+use super::{CpuScene, PartWatch};
 use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
 use crate::parallel::{Parallel, ParallelSlice};
 
@@ -20,12 +21,15 @@ impl CpuScene {
         volumes: &[Volume<'_>],
         options: &SceneOverlapOptions<'_>,
     ) -> Result<SceneOverlaps, QueryError> {
+        let _state = Standard::set();
         if options.max_memory.is_some() {
             return self.built.overlaps(volumes, options);
         }
         let meter = &ProgressMeter::of(options.watch);
         meter.begin_stage(Stage::Rays, volumes.len() as u64);
-        let own = &SceneOverlapOptions { watch: None, ..*options };
+        let watch = PartWatch(meter);
+        let watch: Option<&dyn Watch> = if meter.is_watched() { Some(&watch) } else { None };
+        let own = &SceneOverlapOptions { watch, ..*options };
         let parts = volumes.par_chunks(TASK).try_collect(|volumes| {
             let mut part = SceneOverlaps::default();
             for volume in volumes.chunks(1) {
@@ -37,7 +41,10 @@ impl CpuScene {
                 meter.record_work(WORK_BETWEEN_CHECKS);
             }
             Ok::<_, QueryError>(part)
-        })?;
+        });
+        // Before an error of a part that was cancelled.
+        meter.check_batch()?;
+        let parts = parts?;
         meter.finish_stage();
         meter.check_batch()?;
         let mut all = SceneOverlaps::default();
@@ -57,13 +64,20 @@ impl CpuScene {
         check_lengths(volumes.len(), found.len())?;
         let meter = &ProgressMeter::of(options.watch);
         meter.begin_stage(Stage::Rays, volumes.len() as u64);
+        let watch = PartWatch(meter);
+        let watch: Option<&dyn Watch> = if meter.is_watched() { Some(&watch) } else { None };
+        let own = &SceneOverlapOptions { watch, ..*options };
         volumes.par_chunks(TASK).zip(found.par_chunks_mut(TASK)).try_for_each(
             |(volumes, found)| {
                 for (volume, found) in volumes.iter().zip(found) {
                     if meter.is_cancelled() {
                         break;
                     }
-                    *found = self.built.overlaps_any(volume, options)?;
+                    *found = self.built.overlaps_any(volume, own).map_err(|error| match error {
+                        // Of the whole, not of the part.
+                        QueryError::Cancelled { .. } => meter.check_batch().err().unwrap_or(error),
+                        error => error,
+                    })?;
                     meter.advance(1);
                     meter.record_work(WORK_BETWEEN_CHECKS);
                 }

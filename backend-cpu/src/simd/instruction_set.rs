@@ -131,12 +131,14 @@ impl InstructionSet {
 }
 
 impl InstructionSet {
-    /// Does a task, as compiled for this set.
+    /// Does a task, as compiled for this set, in the default floating-point state: threads of pools may have another. Each
+    /// set's `call` is a function of its own, so nothing of the task moves out of that state.
     ///
     /// # Safety
     /// The processor must have the set.
     #[inline]
     pub(crate) unsafe fn run<T: Compiled>(self, task: T) -> T::Output {
+        let _state = splitplane_float_state::Standard::set();
         // SAFETY: the caller's contract.
         unsafe {
             match self {

@@ -3,6 +3,7 @@
 //! Everything that waits is stated once, as a future. Work that blocks is done when it is first polled, so that the functions
 //! that block only have to poll it. A page cannot block: there such work ends with [`GpuError::CannotBlock`].
 
+use splitplane_float_state::Standard;
 use std::pin::pin;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::task::{Context, Poll, Waker};
@@ -25,6 +26,7 @@ pub enum Wait {
 
 /// The outcome of work that waits by [`Wait::Blocking`].
 pub fn blocking<T>(work: impl Future<Output = T>) -> T {
+    let _state = Standard::set();
     match pin!(work).poll(&mut Context::from_waker(Waker::noop())) {
         Poll::Ready(out) => out,
         Poll::Pending => unreachable!("work that blocks gives way to nobody"),

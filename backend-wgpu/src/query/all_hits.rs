@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use splitplane_core::error::QueryError;
 use splitplane_core::query::all_hits::{AllHits, AllHitsOptions, Collector, Crossing};
 use splitplane_core::ray::Ray;
+use splitplane_float_state::Standard;
 
 use super::accelerator::WgpuAccelerator;
 use super::held::{Held, Share};
@@ -42,6 +43,7 @@ impl WgpuAccelerator {
             parts.resize_with(rays.len().div_ceil(FEW), || None);
             let tasks = rays.par_chunks(FEW).zip(&mut parts).enumerate();
             tasks.try_for_each(|(task, (rays, out))| {
+                let _state = Standard::set();
                 *out = Some(batch.cross(rays, task * FEW, lists)?);
                 asking.advance(rays.len());
                 asking.check()

@@ -18,6 +18,7 @@ use splitplane_core::tree::KdTree;
 use splitplane_core::tree::node::KdNode;
 use splitplane_core::triangle::Triangle;
 use splitplane_core::watch::Watch;
+use splitplane_float_state::{Standard, standard};
 
 use super::accelerator::{Slices, WgpuAccelerator};
 use super::asked::Asked;
@@ -390,6 +391,7 @@ impl Accelerator for WgpuAccelerator {
         counts: &mut [u32],
         options: &AllHitsOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
+        let _state = Standard::set();
         self.find_counts(rays, counts, options)
     }
 
@@ -400,6 +402,7 @@ impl Accelerator for WgpuAccelerator {
         points: &[[f32; 3]],
         options: &LocateOptions<'_>,
     ) -> Result<Located, QueryError> {
+        let _state = Standard::set();
         self.find_windings(points, options)
     }
 
@@ -410,6 +413,7 @@ impl Accelerator for WgpuAccelerator {
         closest: &mut [ClosestPoint],
         options: &ClosestPointOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
+        let _state = Standard::set();
         self.find_closest_points(points, closest, options)
     }
 
@@ -419,6 +423,7 @@ impl Accelerator for WgpuAccelerator {
         impacts: &mut [Impact],
         options: &CastOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
+        let _state = Standard::set();
         self.find_impacts(casts, impacts, options)
     }
 
@@ -427,6 +432,7 @@ impl Accelerator for WgpuAccelerator {
         volumes: &[Volume<'_>],
         options: &OverlapOptions<'_>,
     ) -> Result<Overlaps, QueryError> {
+        let _state = Standard::set();
         self.find_overlaps(volumes, options)
     }
 
@@ -436,6 +442,7 @@ impl Accelerator for WgpuAccelerator {
         found: &mut [bool],
         options: &OverlapOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
+        let _state = Standard::set();
         self.find_any_overlaps(volumes, found, options)
     }
 
@@ -444,13 +451,17 @@ impl Accelerator for WgpuAccelerator {
     }
 
     fn closest_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> Option<Hit> {
-        let scale = self.device.scene_scale();
-        traverse::closest_hit(&self.tree.view(), &self.triangles[..], scale, ray, options)
+        standard(|| {
+            let scale = self.device.scene_scale();
+            traverse::closest_hit(&self.tree.view(), &self.triangles[..], scale, ray, options)
+        })
     }
 
     fn any_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> bool {
-        let scale = self.device.scene_scale();
-        traverse::any_hit(&self.tree.view(), &self.triangles[..], scale, ray, options)
+        standard(|| {
+            let scale = self.device.scene_scale();
+            traverse::any_hit(&self.tree.view(), &self.triangles[..], scale, ray, options)
+        })
     }
 }
 

@@ -5,6 +5,7 @@ use splitplane_core::error::QueryError;
 use splitplane_core::query::cast::{Cast, CastOptions, Impact, impact};
 use splitplane_core::query::closest_point::check_lengths;
 use splitplane_core::report::QueryReport;
+use splitplane_float_state::Standard;
 
 use super::accelerator::WgpuAccelerator;
 use super::settle::Asking;
@@ -26,6 +27,7 @@ impl WgpuAccelerator {
         let tree = &self.tree.view();
         casts.par_chunks(FEW).zip(impacts.par_chunks_mut(FEW)).try_for_each(
             |(casts, impacts)| {
+                let _state = Standard::set();
                 asking.check()?;
                 for (cast, own) in casts.iter().zip(impacts) {
                     *own = impact(tree, &self.triangles[..], cast, options)?;

@@ -10,6 +10,7 @@ use splitplane_core::query::all_hits::AllHitsOptions;
 use splitplane_core::query::certify::MOST_COUNTED;
 use splitplane_core::ray::{QueryOptions, Ray};
 use splitplane_core::report::QueryReport;
+use splitplane_float_state::Standard;
 
 use super::accelerator::WgpuAccelerator;
 use super::all_hits::Batch;
@@ -55,6 +56,7 @@ impl WgpuAccelerator {
                 found.resize(rays.len(), 0);
                 let tasks = rays.par_chunks(FEW).zip(found.par_chunks_mut(FEW)).enumerate();
                 tasks.try_for_each(|(task, (rays, found))| {
+                    let _state = Standard::set();
                     let (all, _share) = batch.cross(rays, task * FEW, lists)?;
                     for (found, ends) in found.iter_mut().zip(all.starts.windows(2)) {
                         *found = (ends[1] - ends[0]) as u32;

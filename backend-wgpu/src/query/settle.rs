@@ -14,6 +14,7 @@ use splitplane_core::ray::{Hit, QueryOptions, Ray, Undecided};
 use splitplane_core::tree::KdTreeView;
 use splitplane_core::triangle::Triangle;
 use splitplane_core::watch::{Progress, Stage, Watch};
+use splitplane_float_state::Standard;
 
 use super::layout::UNFINISHED;
 
@@ -77,6 +78,14 @@ impl<'w> Asking<'w> {
         if self.is_over() { Err(self.cancelled()) } else { Ok(()) }
     }
 
+    /// The error of a part of the work as that of the whole.
+    pub(super) fn of_whole(&self, error: QueryError) -> QueryError {
+        match error {
+            QueryError::Cancelled { .. } => self.cancelled(),
+            error => error,
+        }
+    }
+
     /// The error of work that the watch cancelled.
     pub(super) fn cancelled(&self) -> QueryError {
         QueryError::Cancelled { done: self.done.load(Relaxed), total: self.total }
@@ -115,6 +124,7 @@ impl HostScene<'_> {
         let mut parts: Vec<Vec<usize>> = list(rays.len().div_ceil(TASK))?;
         parts.resize_with(rays.len().div_ceil(TASK), Vec::new);
         let task = |(first, ((rays, hits), undecided)): (usize, (_, &mut Vec<usize>))| {
+            let _state = Standard::set();
             let (rays, hits): (&[Ray], &mut [Hit]) = (rays, hits);
             for (place, (ray, hit)) in rays.iter().zip(hits).enumerate() {
                 if hit.triangle == Hit::MISS.triangle || hit.triangle == UNFINISHED {
@@ -156,6 +166,7 @@ impl HostScene<'_> {
         asking: &Asking<'_>,
     ) -> Result<(), QueryError> {
         let again = |&place: &usize| {
+            let _state = Standard::set();
             !asking.is_over() && self.trace(&rays[place], options, Query::Any).is_hit()
         };
         let mut answers: Vec<bool> = list(places.len())?;

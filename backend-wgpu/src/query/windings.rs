@@ -14,6 +14,7 @@ use splitplane_core::query::inside;
 use splitplane_core::query::inside::{DIRECTION, LocateOptions, Located, Locator};
 use splitplane_core::ray::{QueryOptions, Ray};
 use splitplane_core::report::QueryReport;
+use splitplane_float_state::Standard;
 
 use super::accelerator::WgpuAccelerator;
 use super::held::Held;
@@ -72,6 +73,7 @@ impl WgpuAccelerator {
             found.resize(rays.len(), None);
             let tasks = rays.par_chunks(FEW).zip(found.par_chunks_mut(FEW)).enumerate();
             tasks.try_for_each(|(task, (rays, found))| {
+                let _state = Standard::set();
                 let mut share = held.share();
                 let mut locator = Locator::default();
                 for (place, (ray, winding)) in rays.iter().zip(found).enumerate() {

@@ -324,7 +324,8 @@ pub struct Plane {
     pub offset: f32,
 }
 
-/// Whether a triangle and a set of half-spaces share a point. Time grows with the cube of the number of planes that the triangle's corners lie on both sides of.
+/// Whether a triangle and a set of half-spaces share a point. Time grows with the number of planes on average over orders of the planes; the order is
+/// shuffled.
 pub fn meets_planes(triangle: &Triangle, planes: &[Plane]) -> bool {
     InPlanes(triangle, planes).decide()
 }
@@ -332,8 +333,8 @@ pub fn meets_planes(triangle: &Triangle, planes: &[Plane]) -> bool {
 struct InPlanes<'a>(&'a Triangle, &'a [Plane]);
 
 impl Predicate for InPlanes<'_> {
-    /// In weights of the corners each half-space is a half-plane. Where they and the triangle share a point, they share one on two of their
-    /// lines.
+    /// In weights of the corners each half-space is a half-plane, and so are the triangle's sides. Whether half-planes share a point is a linear program of
+    /// two variables, solved by adding one half-plane at a time (Seidel 1991).
     fn answer<N: Number>(&self) -> Option<bool> {
         let InPlanes(triangle, planes) = *self;
         let (minus, zero) = (N::of(-1.0), N::of(0.0));
@@ -357,32 +358,101 @@ impl Predicate for InPlanes<'_> {
                 halves.push(beyond);
             }
         }
-        let mut meets = Some(false);
-        for i in 0..halves.len() {
-            for j in 0..i {
-                meets = either(meets, || shared::<N>(&halves, i, j));
-                if meets == Some(true) {
-                    return meets;
-                }
+        shuffle(&mut halves[3..]);
+        // Of all points in the halves so far, the one with the greatest first weight: at first the first corner.
+        let mut best = Crossing::of(&halves, 1, 2)?;
+        for added in 3..halves.len() {
+            if best.is_within(&halves[added])? {
+                continue;
+            }
+            match best_on_line(&halves, added)? {
+                Some(next) => best = next,
+                None => return Some(false),
             }
         }
-        meets
+        Some(true)
     }
 }
 
-/// Whether the point on the lines of two halves is in all others.
-fn shared<N: Number>(halves: &[Vector<N>], i: usize, j: usize) -> Option<bool> {
-    let point = cross(&halves[i], &halves[j]);
-    let sum = point[0].plus(&point[1]).plus(&point[2]);
-    let side = sum.sign()?;
-    if side.is_eq() {
-        return Some(false);
+/// Puts halves into an order that no caller chose.
+fn shuffle<T>(halves: &mut [T]) {
+    let mut state = 0x9e37_79b9_7f4a_7c15u64;
+    for last in (1..halves.len()).rev() {
+        state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let at = (u128::from(state) * (last as u128 + 1)) >> 64;
+        halves.swap(last, at as usize);
     }
-    let mut within = Some(true);
-    for (k, half) in halves.iter().enumerate() {
-        if k != i && k != j {
-            within = both(within, || Some(dot(half, &point).sign()? != side));
+}
+
+/// Where the lines of two halves cross.
+struct Crossing<N> {
+    /// Weights of the corners, up to a factor.
+    point: Vector<N>,
+    /// The sign of the factor; equal where the lines are parallel, and cross nowhere.
+    side: Ordering,
+}
+
+impl<N: Number> Crossing<N> {
+    fn of(halves: &[Vector<N>], i: usize, j: usize) -> Option<Crossing<N>> {
+        let point = cross(&halves[i], &halves[j]);
+        let side = point[0].plus(&point[1]).plus(&point[2]).sign()?;
+        Some(Crossing { point, side })
+    }
+
+    /// Whether the point is in a half.
+    fn is_within(&self, half: &Vector<N>) -> Option<bool> {
+        Some(dot(half, &self.point).sign()? != self.side)
+    }
+}
+
+/// The best point on the line of a half that is in all halves before it, if there is one. That of all these halves is there, since the best point of the halves before
+/// is not in this one.
+///
+/// Along the line, what a half measures grows or falls as the sign of the crossing with its line says. So each half bounds the points on the line
+/// from below or above, or holds for all of them or none.
+fn best_on_line<N: Number>(halves: &[Vector<N>], added: usize) -> Option<Option<Crossing<N>>> {
+    let mut lower: Option<Crossing<N>> = None;
+    let mut upper: Option<(Crossing<N>, usize)> = None;
+    let mut parallel = Vec::new();
+    for (number, half) in halves[..added].iter().enumerate() {
+        let own = Crossing::of(halves, added, number)?;
+        match own.side {
+            Ordering::Greater => {
+                let is_tighter = match &lower {
+                    Some(lower) => !lower.is_within(half)?,
+                    None => true,
+                };
+                if is_tighter {
+                    lower = Some(own);
+                }
+            }
+            Ordering::Less => {
+                let is_tighter = match &upper {
+                    Some((upper, _)) => !upper.is_within(half)?,
+                    None => true,
+                };
+                if is_tighter {
+                    upper = Some((own, number));
+                }
+            }
+            Ordering::Equal => parallel.push(number),
         }
     }
-    within
+    // The triangle bounds every line from both sides.
+    let (lower, (upper, by)) = lower.zip(upper)?;
+    for number in parallel {
+        if !lower.is_within(&halves[number])? {
+            return Some(None);
+        }
+    }
+    if !lower.is_within(&halves[by])? {
+        return Some(None);
+    }
+    // The first weight grows along the line as this does.
+    let growth = halves[added][1].minus(&halves[added][2]).sign()?;
+    Some(Some(if growth.is_gt() { upper } else { lower }))
 }
+
+#[cfg(test)]
+mod counted;

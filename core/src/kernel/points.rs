@@ -18,7 +18,7 @@ kernel_set! {
 
     /// The buffers of queries to points.
     buffers PointQueryBuffer {
-        /// The tree's nodes: [`PointNode`](crate::points::tree::PointNode).
+        /// The tree's nodes: the plane of each, and what searches know of its subtree (its axis, the least index).
         Nodes "nodes", 8;
         /// Its points, block by block: four `f32`.
         Points "points", 16;

@@ -27,6 +27,10 @@ pub struct PointBatch {
     pub zero: u32,
     /// Zero.
     pub padding: u32,
+    /// Bits of the least coordinates of all points, in the tree's unit; 0 beyond the dimensions.
+    pub lower: [u32; 4],
+    /// Bits of the greatest coordinates.
+    pub upper: [u32; 4],
 }
 
 impl PointBatch {

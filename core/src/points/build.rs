@@ -126,7 +126,7 @@ impl Survey {
         assert_eq!([points.len(), indices.len()], [kept; 2]);
         assert_eq!(nodes.len(), kept.div_ceil(BLOCK).saturating_sub(1));
         let Survey { unit, report } = self;
-        PointTree { axes, unit, report, nodes, points, indices }
+        PointTree::new(axes, unit, report, nodes, points, indices)
     }
 }
 
@@ -226,7 +226,9 @@ fn greatest_bits(coordinates: &[f32]) -> u32 {
 /// Bytes of a build: records, and the tree with points, indices and nodes.
 fn bytes<const N: usize>(points: usize) -> u64 {
     let nodes = points.div_ceil(BLOCK) * size_of::<PointNode>();
-    (points * (size_of::<Record<N>>() + size_of::<[f32; N]>() + size_of::<u32>()) + nodes) as u64
+    PointTree::<N>::summary_bytes(points)
+        + (points * (size_of::<Record<N>>() + size_of::<[f32; N]>() + size_of::<u32>()) + nodes)
+            as u64
 }
 
 fn reserved<T>(count: usize, needed: u64) -> Result<Vec<T>, PointBuildError> {

@@ -9,6 +9,7 @@ use crate::points::collect::Collector;
 use crate::points::distance::{
     NOTHING, Unit, distance_of, distance_squared, key, part, sum_of_squares,
 };
+use crate::points::summary::Mark;
 use crate::points::tree::{BLOCK, PointTree};
 use crate::watch::Watch;
 use alloc::vec::Vec;
@@ -166,6 +167,9 @@ struct Waiting<const N: usize> {
 const WAITING: usize = 32;
 
 /// Gives `visit` the keys of points, until no key below `stop` can be left; `visit` returns where that is now.
+///
+/// Of points at one distance, those with lower indices come early, so a search for few of them does not visit the others: see
+/// [`summary`](crate::points::summary).
 pub fn walk<const N: usize>(
     tree: &PointTree<N>,
     query: [f32; N],
@@ -177,12 +181,18 @@ pub fn walk<const N: usize>(
     }
     let query = tree.in_units(query);
     let blocks = tree.nodes.len() + 1;
-    let root = Waiting { height: tree.height(), block: 0, gaps: [0.0; N] };
+    let [lower, upper] = tree.bounds();
+    let mut gaps = [0.0; N];
+    for axis in 0..N {
+        gaps[axis] = (lower[axis] - query[axis]).max(query[axis] - upper[axis]).max(0.0);
+    }
+    let root = Waiting { height: tree.height(), block: 0, gaps };
     let (mut stack, mut top) = ([root; WAITING], 1);
-    while top > 0 {
+    'subtrees: while top > 0 {
         top -= 1;
-        let Waiting { mut height, mut block, gaps } = stack[top];
-        if key(sum_of_squares::<Strict, N>(gaps), 0) >= stop.min(NOTHING) {
+        let Waiting { mut height, mut block, mut gaps } = stack[top];
+        let mut bound = sum_of_squares::<Strict, N>(gaps);
+        if key(bound, tree.least_index(block, height)) >= stop.min(NOTHING) {
             continue;
         }
         while height > 0 {
@@ -192,15 +202,33 @@ pub fn walk<const N: usize>(
                 continue;
             }
             let node = tree.nodes[right - 1];
+            let mark = tree.summary.marks.get(right - 1).copied().unwrap_or(Mark(0));
+            if mark.is_one_place() {
+                for axis in 0..N {
+                    gaps[axis] = (query[axis] - tree.points[block * BLOCK][axis]).abs();
+                }
+                bound = sum_of_squares::<Strict, N>(gaps);
+                if key(bound, mark.least()) >= stop.min(NOTHING) {
+                    continue 'subtrees;
+                }
+            }
             let axis = node.axis as usize;
             let mut far = gaps;
             let is_left = query[axis] < node.plane;
             let gap = if is_left { node.plane - query[axis] } else { query[axis] - node.plane };
             far[axis] = gap.max(gaps[axis]);
-            let far_block = if is_left { right } else { block };
-            block = if is_left { block } else { right };
-            stack[top] = Waiting { height, block: far_block, gaps: far };
+            let (left_gaps, right_gaps) = if is_left { (gaps, far) } else { (far, gaps) };
+            let is_tie = sum_of_squares::<Strict, N>(far) == bound;
+            let left_first = match is_tie {
+                true => tree.least_index(block, height) <= tree.least_index(right, height),
+                false => is_left,
+            };
+            let left = Waiting { height, block, gaps: left_gaps };
+            let right = Waiting { height, block: right, gaps: right_gaps };
+            let (first, second) = if left_first { (left, right) } else { (right, left) };
+            stack[top] = second;
             top += 1;
+            Waiting { block, gaps, .. } = first;
         }
         let first = block * BLOCK;
         let last = tree.points.len().min(first + BLOCK);

@@ -8,6 +8,7 @@
 
 use crate::arithmetic::{Strict, ordered_bits};
 use crate::points::distance::Unit;
+use crate::points::summary::{Mark, Summary, node_of};
 use crate::tree::digest::{Digest, Xxh64};
 use alloc::vec::Vec;
 
@@ -97,6 +98,7 @@ pub struct PointTree<const N: usize> {
     pub(crate) nodes: Vec<PointNode>,
     pub(crate) points: Vec<[f32; N]>,
     pub(crate) indices: Vec<u32>,
+    pub(crate) summary: Summary<N>,
 }
 
 impl<const N: usize> PointTree<N> {
@@ -116,7 +118,47 @@ impl<const N: usize> PointTree<N> {
             && nodes.iter().all(|node| (node.axis as usize) < N)
             && indices.iter().all(|&index| index < given);
         let report = PointReport { points: given, dropped };
-        fit.then_some(PointTree { axes, unit, report, nodes, points, indices })
+        fit.then(|| PointTree::new(axes, unit, report, nodes, points, indices))
+    }
+
+    pub(crate) fn new(
+        axes: Axes,
+        unit: Unit,
+        report: PointReport,
+        nodes: Vec<PointNode>,
+        points: Vec<[f32; N]>,
+        indices: Vec<u32>,
+    ) -> PointTree<N> {
+        let summary = Summary::of(&nodes, &points, &indices);
+        PointTree { axes, unit, report, nodes, points, indices, summary }
+    }
+
+    /// What searches know of the subtree below each node, in the order of nodes. Empty where the system had no memory for it.
+    #[doc(hidden)]
+    pub fn marks(&self) -> &[Mark] {
+        &self.summary.marks
+    }
+
+    /// The box around all points, in the tree's unit.
+    #[doc(hidden)]
+    pub fn bounds(&self) -> [[f32; N]; 2] {
+        self.summary.bounds
+    }
+
+    /// An index that none of a subtree is below. The subtree is that of this height which begins at a block.
+    #[doc(hidden)]
+    #[inline]
+    pub fn least_index(&self, block: usize, height: u32) -> u32 {
+        match node_of(self.nodes.len(), block, height) {
+            Some(node) => self.summary.marks.get(node).map_or(0, |mark| mark.least()),
+            None => self.indices[block * BLOCK],
+        }
+    }
+
+    /// Bytes of what searches know of the subtrees of so many points.
+    #[doc(hidden)]
+    pub const fn summary_bytes(points: usize) -> u64 {
+        Summary::<N>::bytes(points.div_ceil(BLOCK).saturating_sub(1)) as u64
     }
 
     /// How axes were chosen.

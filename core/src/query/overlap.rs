@@ -8,6 +8,7 @@
 //! only where [`Region::may_meet`] says that the volume has no point in it, which it computes in `f64` with room for its roundings.
 
 use alloc::vec::Vec;
+use core::cell::Cell;
 
 use crate::aabb::Aabb;
 use crate::arithmetic::snap;
@@ -231,6 +232,14 @@ impl Region {
         self.bounds
     }
 
+    /// What it takes to look at a cell or a triangle, in planes.
+    pub fn work(&self) -> u64 {
+        match &self.volume {
+            Snapped::Planes(planes) => 1 + planes.len() as u64,
+            _ => 1,
+        }
+    }
+
     /// False where the volume certainly has no point in a box, whose sides are finite.
     pub fn may_meet(&self, cell: &Aabb) -> bool {
         self.may_meet_box([cell.lo, cell.hi].map(|side| side.map(f64::from)))
@@ -350,10 +359,11 @@ pub fn visit_cells(
     Ok(())
 }
 
-/// The triangles that a volume meets, in any order and some more than once; with `any` one of them at most.
+/// The triangles that a volume meets, in any order and some more than once; with `any` one of them at most. The watch is called while a volume of many planes is
+/// looked at.
 ///
 /// # Errors
-/// More memory than the options allow, or than the system has.
+/// More memory than the options allow or than the system has, and a watch that cancels the work.
 pub fn overlapping(
     tree: &KdTreeView<'_>,
     triangles: &(impl Triangles + ?Sized),
@@ -361,13 +371,30 @@ pub fn overlapping(
     any: bool,
     options: &OverlapOptions<'_>,
 ) -> Result<Vec<u32>, QueryError> {
+    overlapping_within(tree, triangles, volume, any, options, [0, 1])
+}
+
+fn overlapping_within(
+    tree: &KdTreeView<'_>,
+    triangles: &(impl Triangles + ?Sized),
+    volume: &Volume<'_>,
+    any: bool,
+    options: &OverlapOptions<'_>,
+    [done, total]: [u64; 2],
+) -> Result<Vec<u32>, QueryError> {
     let mut found = Vec::new();
     let Some(region) = Region::new(volume)? else { return Ok(found) };
+    let patience = Patience::new(options.watch, [done, total]);
     visit_cells(
         tree,
-        |cell| region.may_meet(cell),
+        |cell| {
+            patience.record(region.work());
+            region.may_meet(cell)
+        },
         |leaf| {
             for &triangle in leaf {
+                patience.record(region.work());
+                patience.check()?;
                 if options.ignore != Some(triangle) && region.meets(&triangles.corners(triangle)) {
                     add(&mut found, triangle, options.max_memory)?;
                     if any {
@@ -379,6 +406,42 @@ pub fn overlapping(
         },
     )?;
     Ok(found)
+}
+
+/// Calls a watch after so much work, in planes.
+const WORK_BETWEEN_CHECKS: u64 = 1 << 16;
+
+/// Work within one volume, for a watch.
+#[doc(hidden)]
+#[derive(Debug)]
+pub struct Patience<'a> {
+    watch: Option<&'a dyn Watch>,
+    volumes: [u64; 2],
+    work: Cell<u64>,
+}
+
+impl<'a> Patience<'a> {
+    /// Of a batch with so many volumes that are done, and so many in all.
+    pub fn new(watch: Option<&'a dyn Watch>, volumes: [u64; 2]) -> Patience<'a> {
+        Patience { watch, volumes, work: Cell::new(0) }
+    }
+
+    /// Adds to the work.
+    pub fn record(&self, work: u64) {
+        self.work.set(self.work.get().saturating_add(work));
+    }
+
+    /// Calls the watch if there was much work since the last call.
+    ///
+    /// # Errors
+    /// A watch that cancels the work.
+    pub fn check(&self) -> Result<(), QueryError> {
+        if self.work.get() < WORK_BETWEEN_CHECKS {
+            return Ok(());
+        }
+        self.work.set(0);
+        go_on_tracing(self.watch, self.volumes[0], self.volumes[1])
+    }
 }
 
 /// Adds a triangle within a limit of memory. Those found more than once are counted once where memory would run out.
@@ -414,7 +477,8 @@ pub fn one_by_one(
     let mut all = Overlaps::default();
     for (done, volume) in volumes.iter().enumerate() {
         go_on_tracing(options.watch, done as u64, total)?;
-        let found = overlapping(tree, triangles, volume, false, options)?;
+        let volumes = [done as u64, total];
+        let found = overlapping_within(tree, triangles, volume, false, options, volumes)?;
         all.push(found, options.max_memory)?;
     }
     go_on_tracing(options.watch, total, total)?;

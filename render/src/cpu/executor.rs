@@ -20,6 +20,7 @@ use splitplane_core::mesh::Mesh;
 use splitplane_core::query::intersect::{Limits, SceneScale};
 use splitplane_core::triangle::prepare;
 use splitplane_cpu::clock::Stopwatch;
+use splitplane_float_state::standard;
 use std::time::Duration;
 
 /// Calls a kernel with what is shown: one mesh, for which nothing is looked up, or the instances of a scene.
@@ -167,9 +168,9 @@ fn scene_scale(mesh: Mesh<'_>, accelerator: &dyn Accelerator) -> SceneScale {
     let limits = (0..mesh.len())
         .into_par_iter()
         .with_min_len(4096)
-        .map(|i| prepare(&mesh.triangle(i)))
+        .map(|i| standard(|| prepare(&mesh.triangle(i))))
         .filter(|triangle| triangle.kept)
-        .map(|triangle| Limits::of(&triangle.corners))
+        .map(|triangle| standard(|| Limits::of(&triangle.corners)))
         .reduce(|| Limits::NONE, Limits::union);
     SceneScale::new(accelerator.tree().bounds, &limits)
 }

@@ -1,5 +1,7 @@
 //! Chunks that write to the places in a list that a scan has assigned to them.
 
+use splitplane_float_state::standard;
+
 /// Calls `work` for every chunk with the parts of `a` and `b` that are its own, in parallel: those
 /// from `start(chunk)` up to `start(chunk + 1)`. Starts must not decrease.
 pub(crate) fn by_chunk<A: Send, B: Send>(
@@ -11,7 +13,7 @@ pub(crate) fn by_chunk<A: Send, B: Send>(
 ) {
     match chunks.len() {
         0 => {}
-        1 => work(chunks.start, a, b),
+        1 => standard(|| work(chunks.start, a, b)),
         count => {
             let middle = chunks.start + count / 2;
             let at = start(middle) - start(chunks.start);

@@ -9,6 +9,7 @@ use splitplane_core::error::refused;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::report::BuildSummary;
 use splitplane_core::triangle::{Triangle, prepare};
+use splitplane_float_state::standard;
 use splitplane_wgpu::{DeviceTree, WgpuAccelerator, WgpuBackend};
 use std::sync::Arc;
 
@@ -64,7 +65,7 @@ pub(super) fn copied(
     let bytes = (mesh.len() * size_of::<Triangle>()) as u64;
     corners.try_reserve_exact(mesh.len()).map_err(|_| refused(bytes))?;
     let prepared = (0..mesh.len()).into_par_iter().with_min_len(4096);
-    corners.par_extend(prepared.map(|i| prepare(&mesh.triangle(i)).corners));
+    corners.par_extend(prepared.map(|i| standard(|| prepare(&mesh.triangle(i)).corners)));
     let queries = Arc::clone(backend.queries());
     Ok(WgpuAccelerator::new(queries, tree.clone(), copy, corners, summary))
 }

@@ -12,6 +12,7 @@ use splitplane_core::backend::scene::{SceneAccelerator, UpdateReport};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::report::BackendInfo;
 use splitplane_core::scene::{Changes, Edits, Scene};
+use splitplane_float_state::Standard;
 #[cfg(feature = "wgpu")]
 use std::sync::Arc;
 
@@ -72,6 +73,7 @@ impl InstanceTracer {
         look: &InstancedLook<'_>,
         options: &BuildOptions<'_>,
     ) -> Result<InstanceTracer, TracerError> {
+        let _state = Standard::set();
         let backend = backend.into();
         let built = backend.as_backend().build_scene(scene, options)?;
         let triangles = look.mesh.len() as u32;
@@ -104,6 +106,7 @@ impl InstanceTracer {
         look: &InstancedLook<'_>,
         options: &BuildOptions<'_>,
     ) -> Result<UpdateReport, TracerError> {
+        let _state = Standard::set();
         let report = self.backend.as_backend().update_scene(&mut *self.built, scene, options)?;
         // After an error below, the next update takes nothing for known.
         let edits = self.edits.take();
@@ -132,6 +135,7 @@ impl InstanceTracer {
     /// # Errors
     /// More than can be addressed; the previous appearance is kept.
     pub fn update_appearance(&mut self, look: &InstancedLook<'_>) -> Result<(), TracerError> {
+        let _state = Standard::set();
         let InstancedLook { mesh, appearance, .. } = look;
         Ok(self.appearance.describe_instances(mesh, appearance, &self.table)?)
     }
@@ -170,6 +174,7 @@ impl InstanceTracer {
     /// # Errors
     /// Settings out of range, too many lights, or a scene or picture that does not fit a buffer.
     pub fn plan(&self, request: &FrameRequest<'_>) -> Result<Plan, TracerError> {
+        let _state = Standard::set();
         let FrameRequest { size, settings, outputs, .. } = request;
         Ok(Plan::new(&self.appearance, *size, settings, *outputs, Room::CPU)?)
     }
@@ -183,6 +188,7 @@ impl InstanceTracer {
         mesh: &Mesh<'_>,
         request: &FrameRequest<'_>,
     ) -> Result<FrameStats, TracerError> {
+        let _state = Standard::set();
         let FrameRequest { camera, size, settings, outputs, query } = request;
         let (camera, size, outputs, query) = (*camera, *size, *outputs, *query);
         let scene = &self.appearance;

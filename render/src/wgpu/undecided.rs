@@ -18,6 +18,7 @@ use splitplane_core::exact::{ExactRay, meet};
 use splitplane_core::query::traverse::{Query, Triangles, exact};
 use splitplane_core::ray::{Hit, Ray};
 use splitplane_core::tree::KdTree;
+use splitplane_float_state::standard;
 use splitplane_wgpu::device::Wait;
 use splitplane_wgpu::device::readback::read_by;
 use splitplane_wgpu::{DeviceTree, Gpu};
@@ -141,7 +142,7 @@ impl<'a> Undecided<'a> {
         left: &[Left],
         answer: impl Fn(&Left) -> [u8; ANSWER] + Sync + Send,
     ) -> Vec<[u8; ANSWER]> {
-        left.par_iter().map(answer).collect()
+        left.par_iter().map(|left| standard(|| answer(left))).collect()
     }
 
     /// The hit at the triangle that the device named. `None` where it named none, or a wrong one.

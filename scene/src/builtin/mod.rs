@@ -14,6 +14,7 @@ mod spheres;
 mod stadium;
 
 use super::{InstancedScene, Scene};
+use splitplane_float_state::Standard;
 use thiserror::Error;
 
 /// The names of the built-in scenes with what they show, in the order a help text lists them.
@@ -123,6 +124,7 @@ fn parts(name: &str) -> (&str, Option<&str>) {
 /// # Errors
 /// No scene has this name, or it cannot have this size.
 pub fn open(name: &str) -> Result<Scene, BuiltinError> {
+    let _state = Standard::set();
     let (name, size) = parts(name);
     let one_size: fn() -> Scene = match name {
         "carousel" => return carousel::open(size).map(|(scene, _)| scene),

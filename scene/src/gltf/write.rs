@@ -7,6 +7,7 @@ use glam::{DMat3, DVec3};
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 use serde_json::{Map, Value, json};
+use splitplane_float_state::Standard;
 use std::collections::{BTreeMap, HashMap};
 
 /// Kinds of numbers.
@@ -21,6 +22,7 @@ const FLOAT: u32 = 5126;
 /// # Errors
 /// It would have more bytes than the format can count.
 pub fn to_glb(scene: &InstancedScene) -> Result<Vec<u8>, MeshFileProblem> {
+    let _state = Standard::set();
     let mut out = Out::default();
     let parts = &scene.parts;
     let materials: Vec<Value> = parts.materials.iter().map(material).collect();

@@ -21,6 +21,7 @@ use crate::{Camera, Light, Material, SceneOptions};
 use counted::Counted;
 use geometries::Geometries;
 use locate::Step;
+use splitplane_float_state::Standard;
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -39,6 +40,7 @@ type At = (Vec<Step>, SceneFileProblem);
 /// # Errors
 /// A file that cannot be read or is not a scene.
 pub fn read(path: &Path, options: &SceneOptions) -> Result<InstancedScene, SceneFileError> {
+    let _state = Standard::set();
     let fail = |problem| SceneFileError {
         file: path.to_owned(),
         place: None,
@@ -75,6 +77,7 @@ pub fn parse(
     path: &Path,
     options: &SceneOptions,
 ) -> Result<InstancedScene, SceneFileError> {
+    let _state = Standard::set();
     let budget = budget_of(options);
     budget.take(text.len() as u64).map_err(|full| SceneFileError {
         file: path.to_owned(),

@@ -5,6 +5,7 @@ use crate::mesh_file::{MeshFileProblem, room};
 use crate::{Scene, normals};
 use glam::{DMat3, DVec3};
 use splitplane_core::mesh::MAX_TRIANGLES;
+use splitplane_float_state::Standard;
 
 impl InstancedScene {
     /// The triangles of all instances, one after the other, in the world, in at most `limit` bytes. Places are computed in `f64` and
@@ -13,6 +14,7 @@ impl InstancedScene {
     /// # Errors
     /// They have more triangles than one tree can hold, or take more bytes.
     pub fn flatten(mut self, limit: u64) -> Result<Scene, MeshFileProblem> {
+        let _state = Standard::set();
         let [triangles, vertices] = self.counts();
         if triangles > MAX_TRIANGLES as u64 {
             let (what, most) = ("triangles in all instances together", MAX_TRIANGLES as u64);

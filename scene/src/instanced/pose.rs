@@ -2,6 +2,7 @@
 
 use crate::angle::sin_cos;
 use splitplane_core::scene::Transform;
+use splitplane_float_state::standard;
 
 /// Scaled, then turned, then moved. In `f64`; a transform is rounded to `f32` once.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,47 +32,54 @@ impl Pose {
     /// A rotation around an axis of any length, by degrees, counter-clockwise seen against the axis; `None` for an axis of no direction.
     /// From `+ - * /` and square roots only, so it is the same everywhere.
     pub fn rotation([x, y, z]: [f64; 3], degrees: f64) -> Option<[f64; 4]> {
-        let greatest = x.abs().max(y.abs()).max(z.abs());
-        // The greatest of some numbers and a NaN is one of the numbers.
-        if ![x, y, z, degrees].iter().all(|x| x.is_finite()) || greatest == 0.0 {
-            return None;
-        }
-        let [x, y, z] = [x / greatest, y / greatest, z / greatest];
-        let length = ((x * x + y * y) + z * z).sqrt();
-        let (sin, cos) = sin_cos(degrees % 720.0 / 720.0);
-        let part = sin / length;
-        Some([x * part, y * part, z * part, cos])
+        standard(|| {
+            let greatest = x.abs().max(y.abs()).max(z.abs());
+            // The greatest of some numbers and a NaN is one of the numbers.
+            if ![x, y, z, degrees].iter().all(|x| x.is_finite()) || greatest == 0.0 {
+                return None;
+            }
+            let [x, y, z] = [x / greatest, y / greatest, z / greatest];
+            let length = ((x * x + y * y) + z * z).sqrt();
+            let (sin, cos) = sin_cos(degrees % 720.0 / 720.0);
+            let part = sin / length;
+            Some([x * part, y * part, z * part, cos])
+        })
     }
 
     /// The transform from the object's space to the world.
     pub fn transform(&self) -> Transform {
-        let [x, y, z, w] = self.rotate;
-        let turned = [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
-            [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
-            [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
-        ];
-        let [sx, sy, sz] = self.scale;
-        let row = |row: usize| {
-            let [a, b, c] = turned[row];
-            [a * sx, b * sy, c * sz, self.translate[row]].map(|part| part as f32)
-        };
-        [row(0), row(1), row(2)]
+        standard(|| {
+            let [x, y, z, w] = self.rotate;
+            let turned = [
+                [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+                [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
+                [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
+            ];
+            let [sx, sy, sz] = self.scale;
+            let row = |row: usize| {
+                let [a, b, c] = turned[row];
+                [a * sx, b * sy, c * sz, self.translate[row]].map(|part| part as f32)
+            };
+            [row(0), row(1), row(2)]
+        })
     }
 
     /// A pose between two: places and scales evenly, rotations the shorter way around by the sum of quaternions, brought to length 1.
     pub fn between(&self, other: &Pose, part: f64) -> Pose {
-        let mix = |a: f64, b: f64| a + (b - a) * part;
-        let dot: f64 = self.rotate.iter().zip(other.rotate).map(|(a, b)| a * b).sum();
-        let sign = if dot < 0.0 { -1.0 } else { 1.0 };
-        let sum: [f64; 4] = std::array::from_fn(|k| mix(self.rotate[k], sign * other.rotate[k]));
-        // Two opposite halves of a turn have no shorter way; the sum is at least 1/2 long for all others.
-        let length = sum.iter().map(|part| part * part).sum::<f64>().sqrt();
-        Pose {
-            translate: std::array::from_fn(|k| mix(self.translate[k], other.translate[k])),
-            rotate: sum.map(|part| part / length),
-            scale: std::array::from_fn(|k| mix(self.scale[k], other.scale[k])),
-        }
+        standard(|| {
+            let mix = |a: f64, b: f64| a + (b - a) * part;
+            let dot: f64 = self.rotate.iter().zip(other.rotate).map(|(a, b)| a * b).sum();
+            let sign = if dot < 0.0 { -1.0 } else { 1.0 };
+            let sum: [f64; 4] =
+                std::array::from_fn(|k| mix(self.rotate[k], sign * other.rotate[k]));
+            // Two opposite halves of a turn have no shorter way; the sum is at least 1/2 long for all others.
+            let length = sum.iter().map(|part| part * part).sum::<f64>().sqrt();
+            Pose {
+                translate: std::array::from_fn(|k| mix(self.translate[k], other.translate[k])),
+                rotate: sum.map(|part| part / length),
+                scale: std::array::from_fn(|k| mix(self.scale[k], other.scale[k])),
+            }
+        })
     }
 }
 

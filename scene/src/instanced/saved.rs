@@ -7,6 +7,7 @@ use crate::{Material, Scene, SceneOptions};
 use splitplane_core::mesh::MAX_TRIANGLES;
 use splitplane_core::scene::IDENTITY;
 use splitplane_core::scene::file::{ContentInFile, SceneFile};
+use splitplane_float_state::Standard;
 use std::path::Path;
 
 /// Reads a file of a built scene. Geometries and instances have the names that they have in the file: where one is free there, something that descriptions lack has its
@@ -15,6 +16,7 @@ use std::path::Path;
 /// # Errors
 /// A file that cannot be read or is not a scene.
 pub fn read_saved(path: &Path, options: &SceneOptions) -> Result<InstancedScene, SceneFileError> {
+    let _state = Standard::set();
     let fail = |problem| SceneFileError {
         file: path.to_owned(),
         place: None,

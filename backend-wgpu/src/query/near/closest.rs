@@ -8,6 +8,7 @@ use splitplane_core::query::closest_point::{
     ClosestPoint, ClosestPointOptions, Search, check_accuracy, check_lengths, closest_point,
 };
 use splitplane_core::report::QueryReport;
+use splitplane_float_state::Standard;
 
 use super::super::accelerator::WgpuAccelerator;
 use super::super::settle::Asking;
@@ -86,6 +87,7 @@ impl WgpuAccelerator {
         let tree = &self.tree.view();
         points.par_chunks(FEW).zip(closest.par_chunks_mut(FEW)).try_for_each(
             |(points, closest)| {
+                let _state = Standard::set();
                 asking.check()?;
                 for (&point, closest) in points.iter().zip(closest) {
                     *closest = closest_point(tree, &self.triangles[..], point, options)?;
@@ -131,6 +133,7 @@ impl WgpuAccelerator {
                 .zip(bytes.par_chunks(4 * ROOM))
                 .zip(range.clone())
                 .filter_map(|((closest, bytes), place)| {
+                    let _state = Standard::set();
                     let decided = self.decide(points[place], bytes, options);
                     match decided {
                         Ok(answer) => {

@@ -9,6 +9,7 @@ use splitplane_core::layout::NearBatch;
 use splitplane_core::query::closest_point::check_lengths;
 use splitplane_core::query::overlap::{OverlapOptions, Overlaps, Region, Volume, add, overlapping};
 use splitplane_core::report::QueryReport;
+use splitplane_float_state::Standard;
 
 use super::super::accelerator::WgpuAccelerator;
 use super::super::settle::Asking;
@@ -62,7 +63,7 @@ impl WgpuAccelerator {
                     .zip(&*lists)
                     .map(|(volume, list)| match list {
                         Some(_) => Ok(None),
-                        None => self.on_host(volume, false, options).map(Some),
+                        None => self.on_host(volume, false, options, asking).map(Some),
                     })
                     .collect();
                 for (found, list) in found.into_iter().zip(lists) {
@@ -102,6 +103,7 @@ impl WgpuAccelerator {
                 .zip(found.par_chunks_mut(FEW))
                 .zip(said.par_chunks(FEW))
                 .map(|((volumes, found), said)| {
+                    let _state = Standard::set();
                     let mut counts = [0; 2];
                     asking.check()?;
                     for ((volume, found), said) in volumes.iter().zip(found).zip(said) {
@@ -110,7 +112,7 @@ impl WgpuAccelerator {
                             _ => {
                                 counts[0] += 1;
                                 counts[1] += u64::from(*said == Said::Unfinished);
-                                !self.on_host(volume, true, options)?.is_empty()
+                                !self.on_host(volume, true, options, asking)?.is_empty()
                             }
                         };
                     }
@@ -138,8 +140,12 @@ impl WgpuAccelerator {
         volume: &Volume<'_>,
         any: bool,
         options: &OverlapOptions<'_>,
+        asking: &Asking<'_>,
     ) -> Result<Vec<u32>, QueryError> {
-        overlapping(&self.tree.view(), &self.triangles[..], volume, any, options)
+        let _state = Standard::set();
+        let options = &OverlapOptions { watch: asking.watch(), ..*options };
+        let found = overlapping(&self.tree.view(), &self.triangles[..], volume, any, options);
+        found.map_err(|error| asking.of_whole(error))
     }
 
     /// What each volume meets, by the device's lists; `None` for those that are left to the host. Besides, how many the driver did not let finish.
@@ -258,6 +264,7 @@ impl WgpuAccelerator {
         bytes: &[u8],
         options: &OverlapOptions<'_>,
     ) -> Result<Said, QueryError> {
+        let _state = Standard::set();
         let word = |at: usize| bytemuck::pod_read_unaligned::<u32>(&bytes[4 * at..4 * at + 4]);
         let count = word(0);
         match count {

@@ -195,6 +195,8 @@ impl<const N: usize> WgpuPointTree<N> {
             filtered: u32::from(asked.allowed.is_some()),
             zero: 0,
             padding: 0,
+            lower: device.bounds[0],
+            upper: device.bounds[1],
         }
     }
 

@@ -18,7 +18,7 @@ use wgpu::{BufferBinding, BufferUsages as Usage};
 
 use super::super::pipelines::Queries;
 use super::super::tree::can_be_bound;
-use super::device::DevicePoints;
+use super::device::{DevicePoints, bounds_of, write_nodes};
 use crate::device::clock::Instant;
 use crate::device::gpu::Gpu;
 use crate::device::host;
@@ -256,7 +256,9 @@ pub(super) fn built<const N: usize>(
         unfiltered: checked(gpu, "no filter", || gpu.buffer("no filter", 16, Usage::STORAGE))?,
         count: kept as u32,
         height: height(kept),
+        bounds: bounds_of(&tree),
     };
+    checked(gpu, "the nodes of a point tree", || write_nodes(gpu, &tree, &device.nodes))?;
     Ok(Built { tree, device })
 }
 
@@ -271,7 +273,8 @@ impl BuildingPoints {
             PointBuild { given: points.len() as u32, dimensions: N as u32, widest: 0, zero: 0 };
         // On the device, and read back: as bytes, and as the tree.
         let tree = kept * (size_of::<[f32; N]>() + 4) + kept.div_ceil(BLOCK) * 8;
-        let needed = device_bytes(&inputs, kept) + tree as u64 + 16 * kept as u64;
+        let tree = tree as u64 + PointTree::<N>::summary_bytes(kept);
+        let needed = device_bytes(&inputs, kept) + tree + 16 * kept as u64;
         if let Some(limit) = options.max_memory.filter(|&limit| needed > limit) {
             return Err(PointBuildError::OutOfMemory { needed, limit });
         }

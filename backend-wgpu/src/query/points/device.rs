@@ -1,7 +1,7 @@
 //! A tree of points in device memory.
 
 use splitplane_core::kernel::{PointQueries, PointQueryKernel};
-use splitplane_core::points::tree::PointTree;
+use splitplane_core::points::tree::{PointNode, PointTree};
 use wgpu::BufferUsages as Usage;
 
 use super::super::tree::can_be_bound;
@@ -35,6 +35,8 @@ pub(super) struct DevicePoints {
     pub(super) count: u32,
     /// The height of the root.
     pub(super) height: u32,
+    /// The box around all points, as bits.
+    pub(super) bounds: [[u32; 4]; 2],
 }
 
 /// A point or a query as devices have it.
@@ -44,6 +46,29 @@ pub(super) fn padded<const N: usize>(point: [f32; N]) -> [f32; 4] {
         *own = x;
     }
     out
+}
+
+/// The box around all points as devices have it.
+pub(super) fn bounds_of<const N: usize>(tree: &PointTree<N>) -> [[u32; 4]; 2] {
+    tree.bounds().map(|side| padded(side).map(f32::to_bits))
+}
+
+/// Writes nodes as searches read them: the plane, and the mark in place of the axis.
+pub(super) fn write_nodes<const N: usize>(
+    gpu: &Gpu,
+    tree: &PointTree<N>,
+    to: &wgpu::Buffer,
+) -> Result<(), GpuError> {
+    let nodes = tree.nodes();
+    for (some, nodes) in (0..).zip(nodes.chunks(PIECE)) {
+        let mut words = host::room(nodes.len(), "nodes to send")?;
+        let marks = tree.marks().get(some * PIECE..).unwrap_or_default();
+        let mark = |at: usize, axis| marks.get(at).map_or(axis, |mark| mark.0);
+        let word = |(at, node): (usize, &PointNode)| [node.plane.to_bits(), mark(at, node.axis)];
+        words.extend(nodes.iter().enumerate().map(word));
+        gpu.write(to, (some * 8 * PIECE) as u64, bytemuck::cast_slice(&words));
+    }
+    Ok(())
 }
 
 impl DevicePoints {
@@ -69,13 +94,14 @@ impl DevicePoints {
                 unfiltered: made("no filter", 16)?,
                 count: tree.len() as u32,
                 height: tree.height(),
+                bounds: bounds_of(tree),
             };
             let write = |buffer, bytes: &[u8]| {
                 if !bytes.is_empty() {
                     gpu.write(buffer, 0, bytes);
                 }
             };
-            write(&device.nodes, bytemuck::cast_slice(tree.nodes()));
+            write_nodes(gpu, tree, &device.nodes)?;
             write(&device.indices, bytemuck::cast_slice(tree.indices()));
             for (some, points) in (0..).zip(tree.points().chunks(PIECE)) {
                 let mut words = host::room(points.len(), "points to send")?;

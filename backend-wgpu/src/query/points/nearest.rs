@@ -7,6 +7,7 @@ use splitplane_core::layout::PointBatch;
 use splitplane_core::points::nearest::{NearestOptions, Neighbour, first_stop, nearest};
 use splitplane_core::query::closest_point::check_lengths;
 use splitplane_core::report::QueryReport;
+use splitplane_float_state::{Standard, standard};
 
 use super::super::settle::Asking;
 use super::batch::Asked;
@@ -36,6 +37,7 @@ impl<const N: usize> WgpuPointTree<N> {
         found: &mut [Neighbour],
         options: &NearestOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
+        let _state = Standard::set();
         let k = options.k;
         check_lengths(queries.len().saturating_mul(k), found.len())?;
         let asking = &Asking::new(options.watch, queries.len());
@@ -85,6 +87,7 @@ impl<const N: usize> WgpuPointTree<N> {
             let open: Vec<(usize, bool)> = of_queries
                 .zip(range.clone())
                 .filter_map(|((records, bytes), place)| {
+                    let _state = Standard::set();
                     let own = queries[place];
                     if !own.iter().all(|x| x.is_finite()) {
                         records.fill(Neighbour::NONE);
@@ -156,8 +159,10 @@ impl<const N: usize> WgpuPointTree<N> {
         let options = &NearestOptions { watch: None, max_memory, ..*options };
         for some in left.chunks(run) {
             asking.check()?;
-            let answers: Vec<Result<Vec<Neighbour>, QueryError>> =
-                some.par_iter().map(|&at| nearest(self.tree(), queries[at], options)).collect();
+            let answers: Vec<Result<Vec<Neighbour>, QueryError>> = some
+                .par_iter()
+                .map(|&at| standard(|| nearest(self.tree(), queries[at], options)))
+                .collect();
             for (&place, answer) in some.iter().zip(answers) {
                 let answer = answer?;
                 let records = &mut found[place * k..][..k];

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use splitplane_core::kernel::{PointQueries, PointQueryKernel};
 use splitplane_core::points::build::{PointBuildError, PointOptions};
 use splitplane_core::points::tree::PointTree;
+use splitplane_float_state::Standard;
 
 use super::super::pipelines::Queries;
 use super::super::slices::SliceRays;
@@ -31,6 +32,7 @@ impl<const N: usize> WgpuPointTree<N> {
         tree: PointTree<N>,
         max_memory: Option<u64>,
     ) -> Result<WgpuPointTree<N>, PointBuildError> {
+        let _state = Standard::set();
         let needed = bytes(&tree);
         if let Some(limit) = max_memory.filter(|&limit| needed > limit) {
             return Err(PointBuildError::OutOfMemory { needed, limit });
@@ -48,6 +50,7 @@ impl<const N: usize> WgpuPointTree<N> {
         points: &[[f32; N]],
         options: &PointOptions<'_>,
     ) -> Result<WgpuPointTree<N>, PointBuildError> {
+        let _state = Standard::set();
         let Built { tree, device } = built(&queries, points, options)?;
         Ok(WgpuPointTree { queries, tree, device, slices: SliceRays::default() })
     }
@@ -86,5 +89,6 @@ impl Queries {
 /// Bytes of a tree in both places.
 fn bytes<const N: usize>(tree: &PointTree<N>) -> u64 {
     let arrays = size_of_val(tree.points()) + size_of_val(tree.indices());
-    DevicePoints::bytes_of(tree.len()) + (arrays + size_of_val(tree.nodes())) as u64
+    let nodes = size_of_val(tree.nodes()) + size_of_val(tree.marks());
+    DevicePoints::bytes_of(tree.len()) + (arrays + nodes) as u64
 }

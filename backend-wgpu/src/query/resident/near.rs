@@ -8,6 +8,7 @@ use splitplane_core::error::QueryError;
 use splitplane_core::query::closest_point::check_lengths;
 use splitplane_core::query::overlap::Volume;
 use splitplane_core::report::QueryReport;
+use splitplane_float_state::Standard;
 
 use crate::query::settle::Asking;
 
@@ -28,6 +29,7 @@ pub(super) fn closest_points(
     asking.check()?;
     points.par_chunks(POINTS).zip(closest.par_chunks_mut(POINTS)).try_for_each(
         |(points, closest)| {
+            let _state = Standard::set();
             asking.check()?;
             for (&point, closest) in points.iter().zip(closest) {
                 *closest = scene.closest_point(point, options)?;
@@ -54,12 +56,14 @@ pub(super) fn overlaps(
     }
     let asking = &Asking::new(options.watch, volumes.len());
     asking.check()?;
-    let own = &SceneOverlapOptions { watch: None, ..*options };
+    let own = &SceneOverlapOptions { watch: asking.watch(), ..*options };
     let parts = volumes.par_chunks(VOLUMES).map(|volumes| {
+        let _state = Standard::set();
         let mut part = SceneOverlaps::default();
         for volume in volumes.chunks(1) {
             asking.check()?;
-            part.append(scene.overlaps(volume, own)?, None)?;
+            let found = scene.overlaps(volume, own).map_err(|error| asking.of_whole(error))?;
+            part.append(found, None)?;
             asking.advance(1);
         }
         Ok(part)
@@ -83,11 +87,14 @@ pub(super) fn overlaps_any(
     check_lengths(volumes.len(), found.len())?;
     let asking = &Asking::new(options.watch, volumes.len());
     asking.check()?;
+    let own = &SceneOverlapOptions { watch: asking.watch(), ..*options };
     volumes.par_chunks(VOLUMES).zip(found.par_chunks_mut(VOLUMES)).try_for_each(
         |(volumes, found)| {
+            let _state = Standard::set();
             for (volume, found) in volumes.iter().zip(found) {
                 asking.check()?;
-                *found = scene.overlaps_any(volume, options)?;
+                let met = scene.overlaps_any(volume, own);
+                *found = met.map_err(|error| asking.of_whole(error))?;
                 asking.advance(1);
             }
             Ok::<(), QueryError>(())

@@ -5,17 +5,20 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use splitplane_core::backend::scene::{
-    BuildGeometry, BuiltScene, SceneAccelerator, SceneAnswer, SceneClosestPoint,
-    SceneClosestPointOptions, SceneOverlapOptions, SceneOverlaps, UpdateReport, bytes_of,
+    BuildGeometry, BuiltScene, SceneAccelerator, SceneAllHits, SceneAllHitsOptions, SceneAnswer,
+    SceneClosestPoint, SceneClosestPointOptions, SceneOverlapOptions, SceneOverlaps, UpdateReport,
+    bytes_of,
 };
 use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::error::{BuildError, DeviceError, QueryError};
 use splitplane_core::mesh::Mesh;
+use splitplane_core::query::inside::{LocateOptions, Located};
 use splitplane_core::query::overlap::Volume;
 use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Accuracy, Ray};
 use splitplane_core::report::QueryReport;
 use splitplane_core::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport};
+use splitplane_float_state::{Standard, standard};
 
 use super::bindings::SceneBindings;
 use super::failed::failed;
@@ -258,6 +261,7 @@ impl SceneAccelerator for WgpuScene {
         options: &BuildOptions<'_>,
         build: &mut BuildGeometry<'_>,
     ) -> Result<UpdateReport, SceneBuildError> {
+        let _state = Standard::set();
         let WgpuScene { built, queries, held, gone, .. } = self;
         let (gpu, limit) = (queries.gpu(), options.max_memory);
         let mut reserved = Reserved::Refused(String::new());
@@ -317,12 +321,46 @@ impl SceneAccelerator for WgpuScene {
         blocking(self.answer(Wait::Blocking, rays, occluded, options, SceneHit::is_hit))
     }
 
+    fn closest_hit(&self, ray: &Ray, options: &SceneOptions<'_>) -> Option<SceneHit> {
+        standard(|| self.built.answer_one::<SceneHit>(ray, options).some())
+    }
+
+    fn any_hit(&self, ray: &Ray, options: &SceneOptions<'_>) -> bool {
+        standard(|| self.built.answer_one(ray, options))
+    }
+
+    fn all_hits(
+        &self,
+        rays: &[Ray],
+        options: &SceneAllHitsOptions<'_>,
+    ) -> Result<SceneAllHits, QueryError> {
+        standard(|| self.built.all_hits(rays, options))
+    }
+
+    fn count_hits(
+        &self,
+        rays: &[Ray],
+        counts: &mut [u64],
+        options: &SceneAllHitsOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        standard(|| self.built.count_hits(rays, counts, options))
+    }
+
+    fn locate(
+        &self,
+        points: &[[f32; 3]],
+        options: &LocateOptions<'_>,
+    ) -> Result<Located, QueryError> {
+        standard(|| self.built.locate(points, options))
+    }
+
     fn closest_points(
         &self,
         points: &[[f32; 3]],
         closest: &mut [SceneClosestPoint],
         options: &SceneClosestPointOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
+        let _state = Standard::set();
         near::closest_points(&self.built, points, closest, options)
     }
 
@@ -331,6 +369,7 @@ impl SceneAccelerator for WgpuScene {
         volumes: &[Volume<'_>],
         options: &SceneOverlapOptions<'_>,
     ) -> Result<SceneOverlaps, QueryError> {
+        let _state = Standard::set();
         near::overlaps(&self.built, volumes, options)
     }
 
@@ -340,6 +379,7 @@ impl SceneAccelerator for WgpuScene {
         found: &mut [bool],
         options: &SceneOverlapOptions<'_>,
     ) -> Result<(), QueryError> {
+        let _state = Standard::set();
         near::overlaps_any(&self.built, volumes, found, options)
     }
 }

@@ -14,7 +14,7 @@ use super::closest_point::in_other_space;
 use crate::arithmetic::snap;
 use crate::cancel::go_on_tracing;
 use crate::error::{QueryError, check_bytes, refused};
-use crate::query::overlap::{Region, Volume, visit_cells};
+use crate::query::overlap::{Patience, Region, Volume, visit_cells};
 use crate::query::traverse::Triangles;
 use crate::scene::{IgnoredTriangle, InstanceId, Placement, transformed};
 use crate::triangle::Triangle;
@@ -126,7 +126,7 @@ impl BuiltScene {
             found.clear();
             let held = (all.starts.len() * size_of::<usize>()
                 + all.triangles.len() * size_of::<SceneTriangle>()) as u64;
-            self.visit_overlaps(volume, options, |own| {
+            self.visit_overlaps(volume, options, [done as u64, total], |own| {
                 if found.len() == found.capacity() {
                     found.sort_unstable();
                     found.dedup();
@@ -154,7 +154,8 @@ impl BuiltScene {
         Ok(all)
     }
 
-    /// Whether a volume meets any triangle in the world, exactly. Ignores the options' watch.
+    /// Whether a volume meets any triangle in the world, exactly. The watch is called only while a volume of many planes is looked
+    /// at.
     ///
     /// # Errors
     /// As for [`BuiltScene::overlaps`].
@@ -164,7 +165,7 @@ impl BuiltScene {
         options: &SceneOverlapOptions<'_>,
     ) -> Result<bool, QueryError> {
         let mut any = false;
-        self.visit_overlaps(volume, options, |_| {
+        self.visit_overlaps(volume, options, [0, 1], |_| {
             any = true;
             Ok(false)
         })?;
@@ -176,6 +177,7 @@ impl BuiltScene {
         &self,
         volume: &Volume<'_>,
         options: &SceneOverlapOptions<'_>,
+        volumes: [u64; 2],
         mut visit: impl FnMut(SceneTriangle) -> Result<bool, QueryError>,
     ) -> Result<(), QueryError> {
         let shaped = |(_, placement): (InstanceId, &Placement)| {
@@ -190,6 +192,7 @@ impl BuiltScene {
         }
         let Some(region) = Region::new(volume)? else { return Ok(()) };
         let mut go_on = true;
+        let patience = Patience::new(options.watch, volumes);
         self.top.meeting(
             |ends| region.may_meet_box(widened(ends)),
             |name| {
@@ -207,9 +210,14 @@ impl BuiltScene {
                 let mesh = geometry.mesh().mesh();
                 visit_cells(
                     &geometry.accelerator().tree().view(),
-                    |cell| region.may_meet_box(widened(transformed(transform, cell))),
+                    |cell| {
+                        patience.record(region.work());
+                        region.may_meet_box(widened(transformed(transform, cell)))
+                    },
                     |leaf| {
                         for &triangle in leaf {
+                            patience.record(region.work());
+                            patience.check()?;
                             if ignored.is_some_and(|ignored| ignored.triangle == triangle) {
                                 continue;
                             }

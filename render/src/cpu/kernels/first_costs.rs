@@ -10,6 +10,7 @@ use splitplane_core::query::traverse::{Cost, Query, trace_observed};
 use splitplane_core::ray::{QueryOptions, Ray};
 use splitplane_core::scene::SceneOptions;
 use splitplane_core::tree::KdTreeView;
+use splitplane_float_state::Standard;
 
 pub(crate) struct Input<'a> {
     pub(crate) tree: KdTreeView<'a>,
@@ -29,6 +30,7 @@ pub(crate) fn run_scene<'a>(
     first_costs: &mut [FirstCost],
 ) {
     first_costs.par_iter_mut().zip(firsts).with_min_len(256).for_each(|(cost, ray)| {
+        let _state = Standard::set();
         let (_, Cost { nodes, triangles }) = scene.cost_of(ray, options);
         *cost = FirstCost { nodes, triangles };
     });
@@ -40,6 +42,7 @@ pub(crate) fn run(input: &Input<'_>, first_costs: &mut [FirstCost]) {
     let slice = &mut first_costs[input.first_pixel as usize..];
     let firsts = input.rays.par_iter().step_by(samples);
     slice.par_iter_mut().zip(firsts).with_min_len(256).for_each(|(cost, ray)| {
+        let _state = Standard::set();
         let mut counted = Cost::default();
         let (tree, mesh) = (&input.tree, &input.mesh);
         trace_observed::<Strict, _>(

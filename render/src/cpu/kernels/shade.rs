@@ -10,6 +10,7 @@ use crate::surface::{Place, missed, shade, shade_met};
 use crate::world::{Spot, World};
 use rayon::prelude::*;
 use splitplane_core::ray::{Hit, Ray};
+use splitplane_float_state::Standard;
 
 pub(crate) struct Input<'a, W> {
     pub(crate) scene: SceneWords<'a>,
@@ -29,6 +30,7 @@ pub(crate) fn run<W: World>(
 ) {
     let chunks = surfaces.par_chunks_mut(CHUNK).zip(spawned).enumerate();
     chunks.for_each(|(chunk, (surfaces, spawned))| {
+        let _state = Standard::set();
         let first = chunk * CHUNK;
         if input.scene.frame.transport == DIRECT {
             direct(input, first, surfaces);

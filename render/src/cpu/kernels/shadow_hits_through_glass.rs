@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use splitplane_core::error::QueryError;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::scene::SceneHit;
+use splitplane_float_state::Standard;
 
 /// Chunks that a thread takes at a time.
 const CHUNKS: usize = 8;
@@ -83,7 +84,10 @@ pub(crate) fn run(
             rest = (rays_left, numbers_left, hits_left, instances_left, lights_left);
         }
         let last = layer == MOST_CLEAR_LAYERS;
-        parts.par_iter_mut().with_min_len(CHUNKS).for_each(|part| part.pass(scene, world, last));
+        parts.par_iter_mut().with_min_len(CHUNKS).for_each(|part| {
+            let _state = Standard::set();
+            part.pass(scene, world, last);
+        });
         let kept: Vec<usize> = parts.into_iter().map(|part| part.kept).collect();
         let (mut from, mut to) = (0, 0);
         for (count, kept) in counts.iter_mut().zip(kept) {

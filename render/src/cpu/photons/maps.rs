@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use splitplane_core::points::build::PointOptions;
 use splitplane_core::points::nearest::Neighbour;
 use splitplane_core::watch::Watch;
+use splitplane_float_state::Standard;
 
 /// Photons as they are stored, before their tree is built.
 #[derive(Debug, Default)]
@@ -79,6 +80,7 @@ impl Maps {
                     .zip(found.par_chunks(self.neighbours))
                     .with_min_len(64)
                     .map(|(&place, found)| {
+                        let _state = Standard::set();
                         let (path, surface) = (&paths[place as usize], &surfaces[place as usize]);
                         let light = irradiance(frame, surface, photons, found, self.disks);
                         mul(mul(path.weight, surface.scattering), light)

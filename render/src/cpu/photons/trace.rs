@@ -16,6 +16,7 @@ use crate::world::World;
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_float_state::{Standard, standard};
 
 /// Photons that are traced at a time.
 const SLICE: u32 = 1 << 15;
@@ -67,7 +68,7 @@ pub(crate) fn trace<W: World>(
         let slice: Vec<(Ray, Path)> = (first..last)
             .into_par_iter()
             .with_min_len(CHUNK)
-            .filter_map(|photon| emit(scene, *world, &sources, (pass, photon)))
+            .filter_map(|photon| standard(|| emit(scene, *world, &sources, (pass, photon))))
             .collect();
         let (mut rays, mut paths): (Vec<Ray>, Vec<Path>) = slice.into_iter().unzip();
         for path in &paths {
@@ -109,6 +110,7 @@ fn bounce<W: World>(
     let chunks: Vec<Chunk> = (0..rays.len().div_ceil(CHUNK))
         .into_par_iter()
         .map(|chunk| {
+            let _state = Standard::set();
             let mut of_chunk = Chunk::default();
             for i in chunk * CHUNK..rays.len().min((chunk + 1) * CHUNK) {
                 let met = (&hits[i], instances.get(i).copied().unwrap_or(0));

@@ -110,7 +110,7 @@ pub(crate) fn of_compressor() -> Vec<Record> {
 /// The records of kernels that work on points.
 pub(crate) fn of_points() -> Vec<Record> {
     vec![
-        record!(PointBatch { count room points height reach filtered zero padding }),
+        record!(PointBatch { count room points height reach filtered zero padding lower upper }),
         record!(PointBuild { given dimensions widest zero }),
         record!(PointRecord { x y z w point }),
         record!(PointSplit { axis bits rank known }),
