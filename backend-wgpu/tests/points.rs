@@ -161,15 +161,22 @@ fn planted_faults_are_found() {
         (K::NearestPoint, "bound <= stop.x", "bound > stop.x"),
         (K::NearestPoint, "snapped_product(d.z, d.z)", "snapped_product(d.z, d.y)"),
         (K::NearestPoint, "a.y < b.y", "a.y > b.y"),
+        (K::NearestPoint, "select(right, block, left_first)", "select(block, right, left_first)"),
         (
-            K::NearestPoint,
-            "select(right, block, own < plane)",
-            "select(right, block, own <= plane)",
+            K::NearestPoints,
+            "with_along(gaps, axis, bitcast<f32>(level_words",
+            "with_along(gaps, 0u, bitcast<f32>(level_words",
         ),
-        (K::NearestPoint, "with_along(gaps, axis, ", "with_along(gaps, 0u, "),
+        (K::NearestPoint, "MARK_ONE_PLACE) != 0u", "MARK_ONE_PLACE) == 0u"),
+        (K::NearestPoint, "most(most(below, above), 0.0)", "most(below, above)"),
         (
             K::NearestPoint,
-            "block = select(middle - (1u << level), middle, own < plane)",
+            "least_index(second, lowest, blocks) < stop.y",
+            "least_index(second, lowest, blocks) > stop.y",
+        ),
+        (
+            K::NearestPoint,
+            "block = select(middle - (1u << level), middle, is_right)",
             "block = middle",
         ),
         (
@@ -245,6 +252,28 @@ fn the_device_answers_ordinary_batches_alone() {
     let lists = device.within_each(&queries[..2000], &near).expect("answers");
     assert_eq!(lists.report.answered_by_cpu, 0);
     assert_eq!(lists_differ(&device, &queries[..2000], &near), None);
+}
+
+/// Points in one place, and all points for queries that are far away, are at one distance. No walk visits all of them: llvmpipe ends those that do.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn points_at_one_distance_are_not_all_visited() {
+    let mut points = uniform(120_000, 3);
+    for (i, point) in points.iter_mut().enumerate() {
+        if i % 6 != 0 {
+            *point = [0.25, 0.5, -0.125];
+        }
+    }
+    let mut queries = uniform(20, 4);
+    queries.extend([[0.25, 0.5, -0.125], [0.25, 0.5, -0.1], [0.2, 0.6, -0.2]]);
+    queries.extend([[1e9; 3], [-1e9, 0.0, 0.0], [0.0, 1e12, 3.0]]);
+    let device = WgpuPointTree::of(kept(), tree(&points, Axes::Widest), None).unwrap();
+    for k in [1, 16, 21] {
+        let mut found = vec![Neighbour::NONE; k * queries.len()];
+        let report = device.nearest(&queries, &mut found, &options(k)).expect("answers");
+        assert_eq!((report.answered_by_cpu, report.unfinished), (0, 0), "k = {k}");
+        assert_eq!(bits(&found), bits(&expected(device.tree(), &queries, &options(k))), "k = {k}");
+    }
 }
 
 /// What a device cannot answer, the host does, and says so.

@@ -7,6 +7,7 @@ use std::ptr::null;
 use super::answers::*;
 use crate::backend::*;
 use crate::batch::Report;
+use crate::handle::*;
 use crate::record::*;
 use crate::status::Status;
 use crate::tree::*;

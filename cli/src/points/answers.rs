@@ -164,6 +164,10 @@ pub(super) fn thin(work: &Work<'_>, spacing: f32, path: &Path) -> Result<Thinned
         let refused = |_| Failure::limit("there is not memory enough for the thinned cloud");
         kept.try_reserve(1).map_err(refused)?;
         kept.push(point);
+        // No two points are nearer than 0; of a pile each would look at all others.
+        if squared == 0.0 {
+            continue;
+        }
         let still = |other: u32| !gone[other as usize] && other as usize > index;
         let options = NearestOptions {
             max_distance: spacing,
