@@ -1,5 +1,6 @@
-//! Whatever floating-point state a thread comes with, trees and answers are those of the default state, and the thread has its own state again afterwards: the calling
-//! thread, and the threads of a pool that the caller made.
+//! Whatever floating-point state a thread comes with, trees and answers are those of the default
+//! state, and the thread has its own state again afterwards: the calling thread, and the threads of
+//! a pool that the caller made.
 
 #![cfg(all(target_arch = "x86_64", not(miri)))]
 
@@ -39,7 +40,8 @@ const DEFAULT: u32 = 0x1f80;
 /// Exception flags, which any operation may raise.
 const FLAGS: u32 = 0x3f;
 
-/// Rounding modes, flush to zero, denormals are zero; and one with exceptions that are not masked (division by zero, invalid).
+/// Rounding modes, flush to zero, denormals are zero; and one with exceptions that are not masked
+/// (division by zero, invalid).
 fn states() -> Vec<u32> {
     let bits = |round: u32, flush: u32, zero: u32| DEFAULT | round << 13 | flush << 15 | zero << 6;
     let mut all: Vec<u32> = (0..16).map(|i| bits(i & 3, i >> 2 & 1, i >> 3 & 1)).collect();

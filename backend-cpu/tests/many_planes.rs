@@ -1,4 +1,5 @@
-//! Overlaps with many half-spaces: exact, in time that grows with their number, and ended by the watch within one volume.
+//! Overlaps with many half-spaces: exact, in time that grows with their number, and ended by the
+//! watch within one volume.
 
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -11,7 +12,8 @@ use splitplane_core::watch::Progress;
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::random::Random;
 
-/// Whether a triangle and half-spaces share a point, with whole numbers, by all crossings of two lines: the half-spaces as lines in weights of the corners.
+/// Whether a triangle and half-spaces share a point, with whole numbers, by all crossings of two
+/// lines: the half-spaces as lines in weights of the corners.
 fn meets(triangle: &[[i128; 3]; 3], planes: &[([i128; 3], i128)]) -> bool {
     let mut halves = vec![[-1, 0, 0], [0, -1, 0], [0, 0, -1]];
     for (normal, offset) in planes {

@@ -1,10 +1,12 @@
 #![doc = include_str!("../README.md")]
 //!
 //! # Why this is sound
-//! Rust assumes the default state, so a caller that changed it must not let Rust compute. [`standard`] computes nothing before it has set the state,
-//! and sets the caller's before it returns. Where it sets the state, the work is a call that is not inlined, between two blocks of assembly that
-//! no access to memory moves across. So no operation of the work moves out of it. Where the state is the default, there is nothing to
-//! keep apart. Exception flags that operations raise stay raised, as after any call.
+//! Rust assumes the default state, so a caller that changed it must not let Rust compute.
+//! [`standard`] computes nothing before it has set the state, and sets the caller's before it
+//! returns. Where it sets the state, the work is a call that is not inlined, between two blocks of
+//! assembly that no access to memory moves across. So no operation of the work moves out of it.
+//! Where the state is the default, there is nothing to keep apart. Exception flags that operations
+//! raise stay raised, as after any call.
 #![no_std]
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
@@ -36,8 +38,8 @@ pub fn is_standard() -> bool {
 
 /// The default state, until it is dropped.
 ///
-/// For functions and closures whose floats lie in memory, behind references: the compiler may move operations on values that it has in registers
-/// across this. Others use [`standard`].
+/// For functions and closures whose floats lie in memory, behind references: the compiler may move
+/// operations on values that it has in registers across this. Others use [`standard`].
 #[derive(Debug)]
 #[must_use = "the state is restored where this is dropped"]
 pub struct Standard {
@@ -89,8 +91,8 @@ mod state {
 
     #[inline(always)]
     pub(super) fn write(word: u32) {
-        // SAFETY: loads MXCSR with a word whose reserved bits are 0, as they were in the one that was read. No `nomem`: memory accesses stay on
-        // their side.
+        // SAFETY: loads MXCSR with a word whose reserved bits are 0, as they were in the one that
+        // was read. No `nomem`: memory accesses stay on their side.
         unsafe { asm!("ldmxcsr [{}]", in(reg) &raw const word, options(nostack, preserves_flags)) };
     }
 
@@ -103,7 +105,8 @@ mod state {
         DEFAULT | before & FLAGS
     }
 
-    /// The state before, with the flags raised since. Where exceptions are not masked, flags of masked work would raise them.
+    /// The state before, with the flags raised since. Where exceptions are not masked, flags of
+    /// masked work would raise them.
     pub(super) fn restored(before: u32, now: u32) -> u32 {
         let unmasked = !(before >> 7) & FLAGS;
         before | now & FLAGS & !unmasked
@@ -116,7 +119,8 @@ mod state {
 
     pub(super) type Word = u64;
 
-    /// Rounding mode (RMode), flushing (FZ, FZ16, and FIZ, AH of FEAT_AFP), and traps. The default NaN (DN) matters to no result.
+    /// Rounding mode (RMode), flushing (FZ, FZ16, and FIZ, AH of FEAT_AFP), and traps. The default
+    /// NaN (DN) matters to no result.
     const CONTROL: u64 = 0b11 << 22 | 1 << 24 | 1 << 19 | 0b11 | 0x9f00;
 
     #[inline(always)]
@@ -129,7 +133,8 @@ mod state {
 
     #[inline(always)]
     pub(super) fn write(word: u64) {
-        // SAFETY: writes FPCR with bits that were read, some of them cleared. No `nomem`: memory accesses stay on their side.
+        // SAFETY: writes FPCR with bits that were read, some of them cleared. No `nomem`: memory
+        // accesses stay on their side.
         unsafe { asm!("msr fpcr, {}", in(reg) word, options(nostack, preserves_flags)) };
     }
 

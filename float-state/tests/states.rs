@@ -1,4 +1,5 @@
-//! Work runs in the default state, whatever state the thread has, and the thread has its own again afterwards.
+//! Work runs in the default state, whatever state the thread has, and the thread has its own again
+//! afterwards.
 
 #![cfg(all(target_arch = "x86_64", not(miri)))]
 
@@ -24,7 +25,8 @@ fn write(word: u32) {
     unsafe { asm!("ldmxcsr [{}]", in(reg) &raw const word, options(nostack)) };
 }
 
-/// A third, a tenth below zero, the least subnormal doubled and the least normal number halved: each state but the default changes one of them.
+/// A third, a tenth below zero, the least subnormal doubled and the least normal number halved:
+/// each state but the default changes one of them.
 fn numbers() -> [u32; 4] {
     let [one, two, three, ten] = black_box([1.0f32, 2.0, 3.0, -10.0]);
     let (least, normal) = black_box((f32::from_bits(1), f32::MIN_POSITIVE));

@@ -1,5 +1,5 @@
-//! What searches visit, counted: piles of points in one place, and queries from which all points are equally far, cost no more than other
-//! points do.
+//! What searches visit, counted: piles of points in one place, and queries from which all points
+//! are equally far, cost no more than other points do.
 
 use std::collections::HashMap;
 

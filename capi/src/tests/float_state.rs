@@ -1,4 +1,5 @@
-//! A caller that has called `fesetround` gets the answers of everyone else, and its rounding mode back.
+//! A caller that has called `fesetround` gets the answers of everyone else, and its rounding mode
+//! back.
 
 #![cfg(all(target_arch = "x86_64", target_os = "linux"))]
 

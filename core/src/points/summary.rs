@@ -1,15 +1,18 @@
 //! What a search knows of a subtree before it enters it.
 //!
-//! *Ties.* Points at one distance tie, and the lowest index wins. A bound that equals the distance that still counts does not pass a subtree over,
-//! so a search of points that coincide would visit all of them. It compares the least index of the subtree too, and enters the child
-//! with the lower one first where the bounds of both are equal.
+//! *Ties.* Points at one distance tie, and the lowest index wins. A bound that equals the distance
+//! that still counts does not pass a subtree over, so a search of points that coincide would visit
+//! all of them. It compares the least index of the subtree too, and enters the child with the lower
+//! one first where the bounds of both are equal.
 //!
-//! *One place.* Bounds by planes are lower than the distance of points that no plane encloses on all sides. So a node says whether all its
-//! points are in one place: then the distance of one is the distance of all. Coordinates below [`TINY`] count as 0 here. They cannot be
-//! told apart from 0 by a distance: where `|q| <= 2^-65` the square of `q - p` is below 2^-126 and snapped to 0; beyond, half
-//! the spacing of floats next to `q` is at least 2^-90, so `q - p` is rounded to `q`.
+//! *One place.* Bounds by planes are lower than the distance of points that no plane encloses on
+//! all sides. So a node says whether all its points are in one place: then the distance of one is
+//! the distance of all. Coordinates below [`TINY`] count as 0 here. They cannot be told apart from
+//! 0 by a distance: where `|q| <= 2^-65` the square of `q - p` is below 2^-126 and snapped to 0;
+//! beyond, half the spacing of floats next to `q` is at least 2^-90, so `q - p` is rounded to `q`.
 //!
-//! *The box around all points* gives the gaps that a search begins with. Distances of a far query are all equal, and so are its bounds then.
+//! *The box around all points* gives the gaps that a search begins with. Distances of a far query
+//! are all equal, and so are its bounds then.
 
 use crate::points::tree::{BLOCK, PointNode};
 use alloc::vec::Vec;
@@ -17,8 +20,8 @@ use alloc::vec::Vec;
 /// Coordinates below this, 2^-90 units, count as 0 where points are compared.
 pub const TINY: f32 = f32::from_bits((127 - 90) << 23);
 
-/// What is known of a subtree, in a word: the axis of the node in the lowest two bits, then [`Mark::ONE_PLACE`], then the least index, rounded
-/// down to a multiple of 8.
+/// What is known of a subtree, in a word: the axis of the node in the lowest two bits, then
+/// [`Mark::ONE_PLACE`], then the least index, rounded down to a multiple of 8.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mark(pub u32);
 
@@ -45,7 +48,8 @@ impl Mark {
     }
 }
 
-/// The marks of all nodes, in the order of nodes, and the box around all points. It follows from the tree and is no part of its digest.
+/// The marks of all nodes, in the order of nodes, and the box around all points. It follows from
+/// the tree and is no part of its digest.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Summary<const N: usize> {
     /// None where memory for them was refused: then searches are slower.
@@ -77,7 +81,8 @@ impl<const N: usize> Summary<N> {
     }
 }
 
-/// The node that divides a subtree, if it has more than one block: places without a right child are passed over.
+/// The node that divides a subtree, if it has more than one block: places without a right child are
+/// passed over.
 #[inline]
 pub(crate) fn node_of(nodes: usize, block: usize, mut height: u32) -> Option<usize> {
     while height > 0 {
@@ -128,7 +133,8 @@ fn coincide<const N: usize>(a: &[f32; N], b: &[f32; N]) -> bool {
     (0..N).all(|axis| place(a[axis]) == place(b[axis]))
 }
 
-/// The least or the greatest coordinate along an axis. Of nodes that divide this axis one child decides.
+/// The least or the greatest coordinate along an axis. Of nodes that divide this axis one child
+/// decides.
 fn farthest<const N: usize>(
     nodes: &[PointNode],
     points: &[[f32; N]],

@@ -233,6 +233,7 @@ impl Region {
     }
 
     /// What it takes to look at a cell or a triangle, in planes.
+    #[doc(hidden)]
     pub fn work(&self) -> u64 {
         match &self.volume {
             Snapped::Planes(planes) => 1 + planes.len() as u64,

@@ -1,4 +1,5 @@
-//! How many signs it takes to decide whether a triangle meets many half-spaces: a few for each, on average.
+//! How many signs it takes to decide whether a triangle meets many half-spaces: a few for each, on
+//! average.
 
 use core::cmp::Ordering;
 use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -35,7 +36,8 @@ impl Number for Counted {
     }
 }
 
-/// Half-spaces around a ball, which touch it all over: in the order of a spiral, so that each cuts something off from what those before it left.
+/// Half-spaces around a ball, which touch it all over: in the order of a spiral, so that each cuts
+/// something off from what those before it left.
 fn around_a_ball(count: u32, radius: f32) -> Vec<Plane> {
     let mut planes = Vec::new();
     let (mut x, mut y) = (1.0f64, 0.0f64);
