@@ -68,7 +68,6 @@ mod tests {
     use splitplane_test_support::random::Random;
 
     use super::*;
-    use crate::simd::MOST_LANES;
 
     /// Triangles apart from one another.
     fn apart(count: usize) -> Vec<Triangle> {
