@@ -10,6 +10,4 @@ pub mod distance;
 pub mod lists;
 pub mod nearest;
 pub mod parts;
-#[doc(hidden)]
-pub mod summary;
 pub mod tree;

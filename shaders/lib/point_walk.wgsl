@@ -6,7 +6,7 @@
 // it is on what the gap along the plane's axis was before.
 //
 // Where the bounds of both sides are equal, the side with the lowest index comes first, and a side whose bound equals the distance that still
-// counts is left out where no index in it is low enough. Points in one place need that: see core/src/points/summary.rs.
+// counts is left out where no index in it is low enough. Points in one place need that: see core/src/points/tree/summary.rs.
 //
 // What is done with points stands in another part: the function `visit`, which gets a place whose squared distance counts
 // and the bits of that, and may lower `stop`.

@@ -4,7 +4,7 @@
 //! reference's points, bit for bit.
 //!
 //! Where bounds are equal the child with the lowest index comes first, and one that equals the distance that still counts is passed over where no
-//! index in it is low enough: see [`splitplane_core::points::summary`].
+//! index in it is low enough: see [`splitplane_core::points::tree::summary`].
 //!
 //! Several searches go down to their first blocks side by side: each step of one waits for the step before, and none for another search.
 

@@ -9,7 +9,7 @@ use crate::points::collect::Collector;
 use crate::points::distance::{
     NOTHING, Unit, distance_of, distance_squared, key, part, sum_of_squares,
 };
-use crate::points::summary::Mark;
+use crate::points::tree::summary::Mark;
 use crate::points::tree::{BLOCK, PointTree};
 use crate::watch::Watch;
 use alloc::vec::Vec;
@@ -169,7 +169,7 @@ const WAITING: usize = 32;
 /// Gives `visit` the keys of points, until no key below `stop` can be left; `visit` returns where that is now.
 ///
 /// Of points at one distance, those with lower indices come early, so a search for few of them does not visit the others: see
-/// [`summary`](crate::points::summary).
+/// [`summary`](crate::points::tree::summary).
 pub fn walk<const N: usize>(
     tree: &PointTree<N>,
     query: [f32; N],

@@ -6,11 +6,14 @@
 //!
 //! *Order.* At a node points are ordered by (coordinate, index) along its axis; the left child has the first. In a block points stand by index.
 
+#[doc(hidden)]
+pub mod summary;
+
 use crate::arithmetic::{Strict, ordered_bits};
 use crate::points::distance::Unit;
-use crate::points::summary::{Mark, Summary, node_of};
 use crate::tree::digest::{Digest, Xxh64};
 use alloc::vec::Vec;
+use summary::{Mark, Summary, node_of};
 
 /// Points of a block.
 pub const BLOCK: usize = 16;

@@ -14,7 +14,7 @@
 //! *The box around all points* gives the gaps that a search begins with. Distances of a far query
 //! are all equal, and so are its bounds then.
 
-use crate::points::tree::{BLOCK, PointNode};
+use super::{BLOCK, PointNode};
 use alloc::vec::Vec;
 
 /// Coordinates below this, 2^-90 units, count as 0 where points are compared.
