@@ -186,7 +186,7 @@ fn all_results(given: &Given, set: InstructionSet) -> Results {
     let digest = tree.tree().digest().0;
     all.push(("point tree".into(), vec![digest as u32, (digest >> 32) as u32]));
     for k in [1, 5, 30] {
-        let mut found = vec![Neighbour::NONE; k * given.points.len()];
+        let mut found = vec![Neighbour::NONE; k * given.rays.len()];
         let options = NearestOptions { k, ..NearestOptions::default() };
         let queries: Vec<[f32; 3]> = given.rays.iter().map(|ray| ray.origin).collect();
         tree.nearest(&queries, &mut found, &options).unwrap();
