@@ -20,6 +20,8 @@ fn build(features: &str) -> (Output, std::path::PathBuf) {
         // Flags of the surrounding build, such as coverage, would bring std back in.
         .env_remove("RUSTFLAGS")
         .env_remove("CARGO_ENCODED_RUSTFLAGS")
+        // scripts/run_test.sh sets it for the harness alone.
+        .env_remove("RUSTC_BOOTSTRAP")
         .output()
         .expect("cargo runs");
     (output, target.join("release/splitplane-no-std"))
