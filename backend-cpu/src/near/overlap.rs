@@ -15,7 +15,7 @@ pub(crate) struct Overlapping<'a> {
     /// Whether one triangle is enough.
     pub any: bool,
     pub options: &'a OverlapOptions<'a>,
-    /// Told of the work within a volume, which may be of many planes.
+    /// Receives the progress within a volume, which may have many planes.
     pub meter: &'a ProgressMeter<'a>,
     /// In any order, some more than once.
     pub found: Vec<u32>,

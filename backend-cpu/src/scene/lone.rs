@@ -68,7 +68,7 @@ impl<'a> Lone<'a> {
         meter.begin_stage(Stage::Rays, rays.len() as u64);
         let size = if meter.is_watched() { WATCHED_BLOCK } else { BLOCK };
         let blocks = rays.par_chunks(size).zip(answers.par_chunks_mut(size));
-        // As many as there are threads at work, each kept for further blocks.
+        // Buffers of blocks that are done, one a running thread, for the next blocks.
         let kept: Mutex<Vec<Seen>> = Mutex::new(Vec::new());
         let kept = || kept.lock().unwrap_or_else(PoisonError::into_inner);
         let of_block = |(rays, answers): (&[Ray], &mut [T])| {

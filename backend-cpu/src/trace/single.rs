@@ -248,7 +248,7 @@ impl Single<'_> {
         keep: K,
     ) -> Option<Hit> {
         let room = self.layout.wide.stack();
-        // One walk for both, since only what is unusual comes here.
+        // One walk for both stacks: only unusual rays come here.
         let (mut children, mut t) = (Vec::new(), Vec::new());
         let mut short_children = [MaybeUninit::<u32>::uninit(); ENTRIES];
         let mut short_t = [MaybeUninit::<f32>::uninit(); ENTRIES];
